@@ -16,9 +16,11 @@ _RANGE = 2**40
 _EVALUATION, _VERIFICATION, _FAR_FIELD, _PRESET, _VALIDATION, _OWN, _PARTS = (
     k * _RANGE for k in (1, 2, 4, 32, 64, 128, 256)
 )
-_PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE, _FACETS = (
-    k * _RANGE for k in (512, 1024, 2048, 4096)
+_PARTS_OF_STEPS, _VALIDATION_PARTS, OF_FILE, _FACETS, _PICTURES = (
+    k * _RANGE for k in (512, 1024, 2048, 4096, 8192)
 )  # OF_FILE: divides its rays
+_SAMPLES_OF_PICTURE = 2**5
+_MOST_PICTURES = 2**10
 _BITS = 30  # of a number of a sequence
 _FEW = 2**12  # points of a sequence that is kept: a search aims many small samples that begin at the same places
 # For each dimension the coefficients of a primitive polynomial, and the first direction numbers: Joe, Kuo 2008.
@@ -84,6 +86,11 @@ def of_validation_parts(seed: int) -> int:
 def of_facets(seed: int) -> int:
     """Seed of the facets that the rays of a sample meet."""
     return _FACETS + seed
+
+
+def of_picture(seed: int, sample: int, picture: int) -> int:
+    """Seed for one of the samples of one of the pictures by which errors of a made lens are inferred."""
+    return _PICTURES + (seed * _SAMPLES_OF_PICTURE + sample) * _MOST_PICTURES + picture
 
 
 def of_choice(seed: int) -> int:

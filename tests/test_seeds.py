@@ -31,6 +31,7 @@ def test_no_two_purposes_share_a_seed() -> None:
         (seeds.of_parts(0), seeds.of_parts(most)),
         (seeds.of_parts_of_steps(0, 0), seeds.of_parts_of_steps(most, steps)),
         (seeds.of_validation_parts(0), seeds.of_validation_parts(most)),
+        (seeds.of_picture(0, 0, 0), seeds.of_picture(most, 31, 1023)),
     ]
     for (_, last), (first, _) in pairwise(sorted(ranges)):
         assert last < first
@@ -41,6 +42,7 @@ def test_every_step_of_every_seed_has_a_scramble_of_its_own() -> None:
     assert seeds.of_step(seeds.MOST - 1, 10**6) < seeds.of_step(seeds.MOST, 0)
     assert seeds.of_replicate(3, 16, 15, 4, 3) + 1 == seeds.of_replicate(4, 16, 0, 4, 0)
     assert seeds.of_preset_error(3, 8, 7) + 1 == seeds.of_preset_error(4, 8, 0)
+    assert seeds.of_picture(3, 31, 1023) + 1 == seeds.of_picture(4, 0, 0)
 
 
 @pytest.mark.parametrize("dimensions", range(1, 7))

@@ -43,12 +43,12 @@ def test_sections_pictures_and_links_are_there(page):
 
 @needs_addon("measure")
 def test_criteria_of_these_results_count_under_their_names(page):
-    assert "All 54 criteria on simulation and files are met." in page.text
+    assert "All 55 criteria on simulation and files are met." in page.text
     table = page.text[page.text.index("All criteria") :]
     for entry in ("of the flux stray light", "of the target photograph", "of the surface outer surface"):
         assert entry in table
     failing = whole_results(compare={"criteria": (criterion("photo_clipped", 0.5, 0.01),)})
-    assert "1 of 54 criteria on simulation and files is not met: photo clipped." in text_of(failing)
+    assert "1 of 55 criteria on simulation and files is not met: photo clipped." in text_of(failing)
 
 
 def test_each_tracer_has_its_row_and_its_verdict(results):

@@ -198,7 +198,7 @@ def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
 def _with_left(
     series: PartSeries, expected_um: Float[np.ndarray, "m m"], areas: Float[np.ndarray, "m m"]
 ) -> PartSeries:
-    """The series with what is left of each cavity where the common face is as ``expected_um``."""
+    """The ``series`` with the rms that each cavity keeps after a correction that leaves ``expected_um`` in common."""
     common = np.mean([cavity.map_um for cavity in series.cavities], axis=0)
     lefts = (area_extent(cavity.map_um - common + expected_um, areas).rms for cavity in series.cavities)
     cavities = (cavity.changed(left_um=left) for cavity, left in zip(series.cavities, lefts, strict=True))

@@ -1,9 +1,9 @@
 """The unknowns of a lens that explain its pictures best, by Gauss-Newton steps, and their standard errors.
 
-Numbers are in units of what is expected: before a picture is seen their covariance is the identity, and behind it the
+Numbers are in units of their prior standard deviations: their prior covariance is the identity, their posterior one the
 inverse of identity plus Fisher information. That is summed over pairs of slopes by different rays alone: noise that
 both have in common would count as information. Standard errors are those of the estimator: by noise of the camera,
-scatter of the model by its replicates, and what the expectation adds.
+scatter of the model by its samples of rays, and the bias towards the prior mean.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter
 
 from lensforge.addons.measure.picture_model import BLUR_PX, Camera, Numbers, PictureModel, Pictures, blurred
+from lensforge.errors import InputError
 
 _LIT = 0.04  # of the brightest pixel: where it is darker, slopes are noise
 _EDGE_PX = 4.0 * BLUR_PX  # from the border, beyond which light is unknown
@@ -37,21 +38,25 @@ class Information:
     def of(slopes: Float[np.ndarray, "r k p h w"], weights: Pictures) -> "Information":
         """Information in slopes by each of several samples of rays, two at least."""
         count = len(slopes)
-        flat = slopes.reshape(count, slopes.shape[1], -1).astype(np.float64)
-        total = flat.sum(axis=0)
-        alike = sum((sample * weights.ravel()) @ sample.T for sample in flat)
-        matrix = ((total * weights.ravel()) @ total.T - alike) / (count * (count - 1))
-        return Information(matrix, total / count * weights.ravel())
+        weight = weights.ravel()
+        total = np.zeros((slopes.shape[1], len(weight)))
+        alike = np.zeros((len(total), len(total)))
+        for sample in slopes:
+            flat = sample.reshape(total.shape).astype(np.float64)
+            total += flat
+            alike += (flat * weight) @ flat.T
+        matrix = ((total * weight) @ total.T - alike) / (count * (count - 1))
+        return Information(matrix, total / count * weight)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "k k"]:
-        """Covariance of the numbers, with that of the expectation."""
+        """Posterior covariance of the numbers."""
         values, vectors = np.linalg.eigh(self.matrix)
         return np.asarray((vectors / (1.0 + np.maximum(values, 0.0))) @ vectors.T)
 
     @cached_property
     def estimator(self) -> Float[np.ndarray, "k n"]:
-        """Numbers from what the pictures differ from those of no error."""
+        """Matrix from the residual of the pictures to a step of the numbers."""
         return np.asarray(self.covariance @ self.weighted)
 
 
@@ -59,14 +64,14 @@ class Information:
 class FormFit:
     """Numbers, those of the camera behind those of the lens, their errors, and what they rest on.
 
-    ``by_expectation``: covariance by information and expectation. ``chi_square``: mean over the lit pixels of the
+    ``posterior``: covariance of the numbers. ``chi_square``: mean over the lit pixels of the
     squared residual over its variance, 1 for a lens whose errors are all among the unknowns. ``residual``:
     pictures less those of the model. ``noise``: of the camera in a pixel.
     """
 
     numbers: Numbers
     errors: Numbers
-    by_expectation: Float[np.ndarray, "k k"]
+    posterior: Float[np.ndarray, "k k"]
     chi_square: float
     residual: Pictures
     noise: float
@@ -74,26 +79,22 @@ class FormFit:
 
 def camera_noise(light: Pictures) -> float:
     """Standard deviation of the white noise in a pixel, by mixed second differences, which a smooth picture has not."""
-    fine = [np.abs(_mixed_difference(picture)) for picture in light]
+    fine = np.diff(np.diff(light, 2, axis=1), 2, axis=2) / _DIFFERENCE
     return float(np.sqrt(np.median(np.square(fine)) / _MEDIAN_OF_SQUARE))
-
-
-def _mixed_difference(picture: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "i j"]:
-    twice = np.diff(np.diff(picture, 2, axis=0), 2, axis=1)
-    return np.asarray(twice / _DIFFERENCE)
 
 
 def fit_form(light: Pictures, model: PictureModel, camera: Camera, sloped: PictureModel) -> FormFit:
     """Fit the numbers of ``model`` and ``camera`` to rectified pictures in any unit.
 
     ``sloped``: the model by the rays of slopes. All pictures of the model are by the same rays, so that steps end.
+    Raises :class:`InputError` for light that reaches no pixel off the border.
     """
-    own = len(model.unknowns)
-    numbers = np.zeros(own + len(camera))
+    of_lens = len(model.unknowns)
+    numbers = np.zeros(of_lens + len(camera))
 
     def seen() -> Float[np.ndarray, "r p h w"]:
-        pictures = model.pictures(numbers[:own])
-        return np.stack([camera.seen(picture, numbers[own:]) for picture in pictures])
+        pictures = model.pictures(numbers[:of_lens])
+        return np.stack([camera.seen(picture, numbers[of_lens:]) for picture in pictures])
 
     pictures = seen()
     unit = pictures.mean(axis=(0, 2, 3)) / light.mean(axis=(1, 2))
@@ -101,6 +102,10 @@ def fit_form(light: Pictures, model: PictureModel, camera: Camera, sloped: Pictu
     noise = camera_noise(scaled)
     data = blurred(scaled)
     weights = _weights(pictures, noise)
+    if not weights.any():
+        raise InputError(
+            "pictures: the design has light along the border of its receiver alone; make the receiver larger"
+        )
     for _ in range(_ROUNDS):
         information = Information.of(_slopes(sloped, camera, numbers), weights)
         for _ in range(_STEPS):
@@ -142,22 +147,24 @@ def _errors(information: Information, pictures: Float[np.ndarray, "r p h w"], no
     by_model = (estimator @ pictures.reshape(len(pictures), -1).T).var(axis=1, ddof=1) / len(pictures)
     spread = np.stack([blurred(row.reshape(pictures.shape[1:])) for row in estimator])
     by_camera = noise**2 * np.square(spread).sum(axis=(1, 2, 3))
-    by_expectation = np.square(information.covariance).sum(axis=1)
-    return np.sqrt(by_model + by_camera + by_expectation)
+    by_prior = np.square(information.covariance).sum(axis=1)
+    return np.sqrt(by_model + by_camera + by_prior)
 
 
 def covariance_with(model: PictureModel, camera: Camera, fit: FormFit) -> Float[np.ndarray, "k k"]:
     """Covariance of the numbers of the lens by all pictures of ``fit`` and by one more, the picture of ``model``."""
-    own = len(model.unknowns)
+    of_lens = len(model.unknowns)
     alone = replace(camera, count=1)
-    pictures = model.pictures(fit.numbers[:own])
-    numbers = np.r_[fit.numbers[:own], np.zeros(len(alone))]
+    pictures = model.pictures(fit.numbers[:of_lens])
+    numbers = np.r_[fit.numbers[:of_lens], np.zeros(len(alone))]
     more = Information.of(_slopes(model, alone, numbers), _weights(pictures, fit.noise)).matrix
-    kept = np.r_[:own, own + camera.count : own + len(camera)]  # all pictures have the corners, each its brightness
+    kept = np.r_[
+        :of_lens, of_lens + camera.count : of_lens + len(camera)
+    ]  # all pictures have the corners, each its brightness
     before = np.eye(len(more))
-    shared = np.r_[:own, own + 1 : len(more)]
-    before[np.ix_(shared, shared)] = fit.by_expectation[np.ix_(kept, kept)]
+    shared = np.r_[:of_lens, of_lens + 1 : len(more)]
+    before[np.ix_(shared, shared)] = fit.posterior[np.ix_(kept, kept)]
     values, vectors = np.linalg.eigh(more)
     gained = (vectors * np.maximum(values, 0.0)) @ vectors.T
     after = np.linalg.inv(np.linalg.inv(before) + gained)
-    return np.asarray(after[:own, :own])
+    return np.asarray(after[:of_lens, :of_lens])

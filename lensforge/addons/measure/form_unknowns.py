@@ -23,7 +23,7 @@ _RIM = 1.1  # of the squared radius: the error goes on behind the hemisphere, wh
 
 @dataclass(frozen=True)
 class Unknown:
-    """One unknown: ``name``, ``unit``, and the standard deviation ``expected`` of it before a picture is seen."""
+    """One unknown: ``name``, ``unit``, and its prior standard deviation ``expected`` in that unit."""
 
     name: str
     unit: str
@@ -45,13 +45,14 @@ _PLACES = (
 )
 _MM = 1e-3  # of a µm
 _RAD = 1e-3  # of a mrad
+_OF_INDEX = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class FormUnknowns:
     """All unknowns of a lens of two faces, and the tables of their form errors.
 
-    ``tables``: of each face by name (mm per µm of the unknown). Numbers are in units of what is expected.
+    ``tables``: of each face by name (mm per µm of the unknown). Numbers are in units of the prior standard deviations.
     """
 
     spec: Spec
@@ -76,7 +77,7 @@ class FormUnknowns:
 
     @property
     def expected(self) -> Float[np.ndarray, " k"]:
-        """Standard deviation of each, in its unit."""
+        """Prior standard deviation of each, in its unit."""
         return np.array([unknown.expected for unknown in self.unknowns])
 
     def of_face(self, face: str) -> slice:
@@ -88,19 +89,19 @@ class FormUnknowns:
         """The lens with these ``numbers``, its LED moved by ``led_mm``."""
         amounts = numbers * self.expected
         errors = {face: np.tensordot(amounts[self.of_face(face)], table, 1) for face, table in self.tables.items()}
-        places = amounts[len(self.tables) * len(FORMS) :]
-        shift = _MM * places[:3]
-        tilt_x, tilt_y = _RAD * places[3:5]
-        led = np.array(led_mm) + _MM * places[5:8]
-        lens_x, lens_y = _RAD * places[8:10]
+        amount = {unknown.name: float(value) for unknown, value in zip(self.unknowns, amounts, strict=True)}
+        shift_mm = _MM * np.array([amount["decentre x"], amount["decentre y"], amount["gap"]])
+        tilt_rad = _RAD * amount["tilt about x"], _RAD * amount["tilt about y"], 0.0
+        lens_tilt_rad = _RAD * amount["lens tilt about x"], _RAD * amount["lens tilt about y"], 0.0
+        led_shift_mm = _MM * np.array([amount[f"LED {axis}"] for axis in "xyz"])
         made = AsMade(
             names=self.names,
-            source=Pose.displaced(led),
-            lens=Pose.displaced(rotation_rad=(lens_x, lens_y, 0.0)),
-            faces={self.names[-1]: Pose.displaced(shift, (tilt_x, tilt_y, 0.0))},
+            source=Pose.displaced(np.array(led_mm) + led_shift_mm),
+            lens=Pose.displaced(rotation_rad=lens_tilt_rad),
+            faces={self.names[-1]: Pose.displaced(shift_mm, tilt_rad)},
             seat_mm=self.spec.base.seat_mm,
         )
-        return MadePart(errors, made, 1e-4 * float(places[10]), 1.0).in_state(self.spec)
+        return MadePart(errors, made, _OF_INDEX * amount["index"], 1.0).in_state(self.spec)
 
 
 def zernike(directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n k"]:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -12,16 +13,19 @@ from lensforge.addons.measure.form_fit import FormFit, covariance_with, fit_form
 from lensforge.addons.measure.form_unknowns import FormUnknowns
 from lensforge.addons.measure.image_similarity import normalised
 from lensforge.addons.measure.inference_result import FurtherPicture, Inference, InferredError
+from lensforge.addons.measure.measurement_result import Located
 from lensforge.addons.measure.photo_comparison import (
     CORNER_PX,
+    LightOnTarget,
     Photograph,
+    light_on_target,
     lit_only,
+    located_target,
+    pixels_of,
     read_photograph,
-    rectify,
     require_upright,
 )
 from lensforge.addons.measure.picture_model import Camera, PictureModel, Pictures
-from lensforge.addons.measure.target_corners import Square, listed, locate
 from lensforge.errors import InputError
 from lensforge.light.lens_light import judging_source
 from lensforge.light.simulation import TracedLens
@@ -35,10 +39,11 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.spec.accuracy import preset_of
 
-_REPLICATES = 16
-_OF_SLOPES = 4  # samples of rays, as large as a replicate
-_SLOPES_ON = 2**20  # seeds of the slopes are so far on
+_FITTED = range(16)  # samples of the rays of the pictures that are fitted
+_SLOPED = range(16, 20)  # of those of slopes
+_DESIGNED = range(20, 21)  # of those by which a mirrored picture is told
 _ANOTHER = 5.0  # chi-square of a lens that is another
+_LEAST_MM = 0.1  # by which a further picture has the LED moved
 _DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
@@ -78,17 +83,13 @@ def infer_errors(lens: Lens, shots: Shots, *, expected_um: float, pixels: int, r
     unknowns = FormUnknowns.of(lens, traced, expected_um)
     places: list[Vector] = [(float(x), float(y), float(z)) for x, y, z in shots.led_mm]
     receiver = receivers_of(lens.spec, pixels)[0]
-    source = judging_source(lens.spec)
-    share = max(rays // _REPLICATES, 1)
-    model = PictureModel(traced, receiver, source, unknowns, places, share, _REPLICATES, seed)
-    sloped = model.of_rays(share, _OF_SLOPES, _SLOPES_ON)
-    designed = model.of_rays(share, 1, 0).pictures(np.zeros(len(unknowns)))[0]
-    light, square, corners = _rectified(shots, receiver, designed)
-    for picture, simulated in zip(light, designed, strict=True):
-        require_upright(normalised(picture), normalised(simulated), corners)
-    width_px = float(np.linalg.norm(corners[1] - corners[0]))
+    share = max(rays // len(_FITTED), 1)
+    model = PictureModel(traced, receiver, judging_source(lens.spec), unknowns, places, _FITTED, share, seed)
+    designed = model.by(_DESIGNED).pictures(np.zeros(len(unknowns)))[0]
+    seen = _rectified(shots, receiver, designed)
+    width_px = float(np.linalg.norm(seen.corners[1] - seen.corners[0]))
     camera = Camera(receiver.grid, len(places), CORNER_PX * receiver.grid.columns / width_px)
-    fit = fit_form(light, model, camera, sloped)
+    fit = fit_form(seen.light, model, camera, model.by(_SLOPED))
     if fit.chi_square > _ANOTHER:
         raise InputError(
             f"pictures: no low-order errors of this lens explain them, chi-square {fit.chi_square:.3g}, at most "
@@ -100,17 +101,18 @@ def infer_errors(lens: Lens, shots: Shots, *, expected_um: float, pixels: int, r
         inputs={"lens": lens.sha256},
         pictures=tuple(path.name for path in shots.on),
         led_mm=tuple(places),
-        corners=tuple((float(column), float(row)) for column, row in corners),
-        corners_located=None if square is None else square.located,
+        corners=pixels_of(seen.corners),
+        corners_located=seen.located,
         inner_form_um=inner,
         outer_form_um=outer,
         errors=errors,
-        further=_further(replace(sloped, replicates=2), camera, fit),
+        further=_further(model.by(_SLOPED[:2]), camera, fit),
         chi_square=fit.chi_square,
         over_expected=max(abs(error.value.value) / error.expected for error in errors),
+        clipped=seen.clipped,
         noise_percent=100.0 * fit.noise / float(designed.mean()),
         pixels=pixels,
-        rays=share * _REPLICATES,
+        rays=share * len(_FITTED),
         seed=seed,
         seconds=time.perf_counter() - started,
     )
@@ -127,21 +129,33 @@ def require_pictures_of(lens: Lens) -> None:
         raise InputError("infer: the first receiver must be a plane for pictures; give the spec a plane first")
 
 
-def _rectified(
-    shots: Shots, receiver: PosedReceiver, designed: Pictures
-) -> tuple[Pictures, Square | None, Float[np.ndarray, "4 2"]]:
-    """Light on the pixels of ``receiver`` in each photograph, and the corners by which it was rectified."""
+class _Rectified(NamedTuple):
+    """Light on the pixels of the receiver in each photograph, scaled to a mean of 1, and the corners of the target.
+
+    ``clipped``: overexposed share of the worst. ``located``: quality of corners that were looked for; None if given.
+    """
+
+    light: Pictures
+    clipped: float
+    corners: Float[np.ndarray, "4 2"]
+    located: Located | None
+
+
+def _rectified(shots: Shots, receiver: PosedReceiver, designed: Pictures) -> _Rectified:
+    """Rectify the photographs. Raises :class:`InputError` for any that cannot be of the ``designed`` light."""
     first = read_photograph(shots.on[0], shots.gamma)
     dark = None if shots.off is None else read_photograph(shots.off, shots.gamma, first.orientation)
-    square = None
+    located = None
     corners = shots.corners
     if corners is None:
-        border = np.concatenate([designed[0, 0], designed[0, -1], designed[0, :, 0], designed[0, :, -1]])
-        share = float(border.mean() / designed[0].max())
-        square = locate(first.light, None if dark is None else dark.light, border_share=share)
+        square = located_target(first, dark, designed[0])
+        located = square.located
         corners = square.corners
-    light = [_light(path, shots.gamma, first, dark, corners, receiver) for path in shots.on]
-    return np.stack(light), square, corners
+    seen = [_light(path, shots.gamma, first, dark, corners, receiver) for path in shots.on]
+    for picture, simulated in zip(seen, designed, strict=True):
+        require_upright(picture.light, normalised(simulated), corners)
+    light = np.stack([picture.light for picture in seen])
+    return _Rectified(light, max(picture.clipped for picture in seen), corners, located)
 
 
 def _light(
@@ -151,19 +165,16 @@ def _light(
     dark: Photograph | None,
     corners: Float[np.ndarray, "4 2"],
     receiver: PosedReceiver,
-) -> Float[np.ndarray, "h w"]:
+) -> LightOnTarget:
     photograph = read_photograph(path, gamma, first.orientation)
     if photograph.light.shape != first.light.shape:
         raise InputError(f"{path}: of another size than the first picture; take all with the same camera on its stand")
-    image = rectify(lit_only(photograph, dark).light, corners, receiver.grid.size, receiver.grid)
-    if np.isnan(image).any() or not image.mean() > 0.0:
-        raise InputError(f"{path}: the target, at {listed(corners)}, is dark or partly outside; give its corners")
-    return image
+    return light_on_target(lit_only(photograph, dark), path, corners, receiver.grid.size, receiver.grid)
 
 
 def _errors(unknowns: FormUnknowns, fit: FormFit) -> tuple[InferredError, ...]:
     more = max(1.0, fit.chi_square) ** 0.5
-    remaining = np.minimum(np.sqrt(np.diag(fit.by_expectation)), 1.0)
+    remaining = np.minimum(np.sqrt(np.diag(fit.posterior)), 1.0)
     return tuple(
         InferredError(
             name=unknown.name,
@@ -194,8 +205,7 @@ def _form(errors: Sequence[InferredError]) -> Metric:
 def _further(model: PictureModel, camera: Camera, fit: FormFit) -> FurtherPicture:
     """The place of the LED, as far out as any along x, y or z, at which one more picture tells most."""
     most = max(float(np.abs(model.poses).max()), _LEAST_MM)
-    own = len(model.unknowns)
-    before = np.sqrt(np.diag(fit.by_expectation)[:own])
+    before = np.sqrt(np.diag(fit.posterior)[: len(model.unknowns)])
     places: list[Vector] = [(float(x), float(y), float(z)) for x, y, z in most * _DIRECTIONS]
     after = [np.sqrt(np.diag(covariance_with(replace(model, poses=[place]), camera, fit))) for place in places]
     best = int(np.argmin([np.square(shares).sum() for shares in after]))
@@ -206,6 +216,3 @@ def _further(model: PictureModel, camera: Camera, fit: FormFit) -> FurtherPictur
         remaining_before=float(min(before[error], 1.0)),
         remaining=float(min(after[best][error], before[error], 1.0)),
     )
-
-
-_LEAST_MM = 0.1  # by which a further picture has the LED moved

@@ -2,7 +2,7 @@
 
 from typing import Annotated, ClassVar
 
-from lensforge.addons.measure.measurement_result import Located, Pixel
+from lensforge.addons.measure.measurement_result import Clipped, Located, Pixel
 from lensforge.public import public
 from lensforge.results import Count, Metric, NotNegative, Number, Positive, Record, Share, StageResult, Text, stated
 from lensforge.results.criteria import Criteria
@@ -11,8 +11,8 @@ from lensforge.results.numerals import percent, quantity
 from lensforge.results.plots import Axes, plot_bars
 from lensforge.results.stage_result import OnPage
 
-NOT_SEEN = 0.8  # share of the expected standard deviation that is left: the pictures tell little
-_EXPECTED = 4.0  # standard deviations of what is expected: by chance no error of a lens is larger
+NOT_SEEN = 0.8  # posterior over prior standard deviation: the pictures tell little
+_EXPECTED = 4.0  # prior standard deviations: by chance no error of a lens is larger
 _RESIDUAL = 2.0  # chi-square beyond which there are errors that are not among the unknowns
 
 Place = tuple[Number, Number, Number]
@@ -21,8 +21,8 @@ Place = tuple[Number, Number, Number]
 class InferredError(Record):
     """One error of the made lens.
 
-    ``expected``: its standard deviation before any picture, in the unit of ``value``; ``remaining``: the share of it
-    that is left when the pictures are known.
+    ``expected``: its prior standard deviation, in the unit of ``value``; ``remaining``: the share of it that the
+    posterior has.
     """
 
     name: Text
@@ -61,9 +61,9 @@ class Inference(StageResult):
     given. ``inner_form_um``, ``outer_form_um``: rms of the form errors over the hemisphere, less what noise adds.
     ``errors``: each error with its standard error; those of form are coefficients of Zernike polynomials of rms 1.
     ``further``: the picture that would tell most. ``chi_square``: squared residual of the pictures over its variance;
-    standard errors are larger by its root where it is above 1. ``over_expected``: the largest error over its standard
-    deviation before any picture. ``noise_percent``: of a pixel of the model, of the mean
-    light. ``pixels``: along the longer side of the model's pictures. ``rays``: of each.
+    standard errors are larger by its root where it is above 1. ``over_expected``: the largest error over its prior
+    standard deviation. ``clipped``: overexposed share of the target in the worst picture. ``noise_percent``: of a
+    pixel of the model, of the mean light. ``pixels``: along the longer side of the model's pictures. ``rays``: of each.
     """
 
     stage: ClassVar[str] = "infer"
@@ -110,6 +110,7 @@ class Inference(StageResult):
             name="inferred_errors",
         ),
     ]
+    clipped: Clipped
     noise_percent: NotNegative
     pixels: Count
     rays: Annotated[Count, Figure("Rays of a picture", key="inference_rays")]
@@ -118,7 +119,7 @@ class Inference(StageResult):
     criteria: Criteria = ()
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Plot the errors over what is expected of them, with their standard errors."""
+        """Plot each error and its standard error, in units of its prior standard deviation."""
         values = {error.name: error.value.value / error.expected for error in self.errors}
         errors = [(error.value.standard_error or 0.0) / error.expected for error in self.errors]
         return plot_bars(values, "error over what is expected", axes, errors)

@@ -1,6 +1,7 @@
 """Verbs on a measured part, by photographs of its light or points on a face: ``compare``, ``correct``, ``infer``."""
 
 from collections.abc import Mapping, Sequence
+from math import isqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args, overload
 
@@ -38,7 +39,8 @@ RAYS = 2**21  # of each picture of a model
 PIXELS = 128  # along its longer side
 FEWEST_PIXELS = 32
 MOST_PIXELS = 512
-_LEAST_PICTURES = 2
+_PICTURES = 2, 64
+_MOST_PIXELS_IN_ALL = 2**21  # whose derivatives take three GiB
 
 
 @overload
@@ -269,7 +271,7 @@ def infer(
 
     Args:
         lens: the lens as designed, of two freeform faces, whose first receiver is a plane.
-        pictures: photographs of the target by a camera that stays where it is, two at least.
+        pictures: photographs of the target by a camera that stays where it is, 2 to 64.
         poses: table of the LED's x, y, z (mm) from its place in the design, a row for each picture.
         off: photograph with the LED off, which is subtracted.
         corners: four pixels (column, row) of the receiver in the pictures, from the top left clockwise; None: they are
@@ -293,8 +295,9 @@ def infer(
     made = require(lens, Lens, "infer").of_state("")
     require_pictures_of(made)
     files = tuple(path for picture in pictures if (path := path_of("pictures", picture)) is not None)
-    if len(files) < _LEAST_PICTURES:
-        raise InputError(f"pictures: {len(files)} given, at least {_LEAST_PICTURES}, with the LED in different places")
+    least, most = _PICTURES
+    if not least <= len(files) <= most:
+        raise InputError(f"pictures: {len(files)} given, must be {least} to {most}, with the LED in different places")
     table = path_of("poses", poses)
     if table is None:
         raise InputError("poses = None: give the table of the LED's places, x, y, z in mm, a row for each picture")
@@ -306,6 +309,9 @@ def infer(
         raise InputError(f"expected_um = {expected_um!r}: must be above 0")
     if not FEWEST_PIXELS <= side <= MOST_PIXELS:
         raise InputError(f"pixels = {side}: must be {FEWEST_PIXELS} to {MOST_PIXELS}")
+    if len(files) * side**2 > _MOST_PIXELS_IN_ALL:
+        fitting = isqrt(_MOST_PIXELS_IN_ALL // len(files))
+        raise InputError(f"pixels = {side}: must be at most {fitting} with {len(files)} pictures")
     shots = Shots(
         files,
         led_places(table, len(files)),

@@ -90,6 +90,18 @@ USED_SHARE = 0.9  # of the points must lie over the surface once registered
 COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
 
 
+Clipped = Annotated[
+    Share,
+    Figure("Saturated pixels", "of the target", unit="%", digits=3),
+    Criterion(
+        "<=",
+        CLIPPED_SHARE,
+        "saturated pixels of the photograph",
+        "use a shorter exposure, the same for all photographs",
+        name="photo_clipped",
+        unit="of the target",
+    ),
+]
 Pixel = tuple[Number, Number]  # column, row
 AxisName = Literal["x", "y"]
 Registration = Literal["rigid", "shift", "none"]
@@ -177,18 +189,7 @@ class PhotoComparison(StageResult):
         ),
     ]
     simulated_evenness: Evenness
-    clipped: Annotated[
-        Share,
-        Figure("Saturated pixels", "of the target", unit="%", digits=3),
-        Criterion(
-            "<=",
-            CLIPPED_SHARE,
-            "saturated pixels of the photograph",
-            "use a shorter exposure, the same for both photographs",
-            name="photo_clipped",
-            unit="of the target",
-        ),
-    ]
+    clipped: Clipped
     criteria: Criteria = ()
     measured: Image
     simulated: Image

@@ -152,8 +152,8 @@ class PartScatter:
     def _squares(self) -> Float[np.ndarray, "p p"]:
         """Mean squares of the differences of parts."""
         products = (self.deviations * self.shares) @ self.deviations.T
-        own = np.diag(products)
-        return np.maximum(own[:, None] + own - 2.0 * products, 0.0)
+        squares = np.diag(products)
+        return np.maximum(squares[:, None] + squares - 2.0 * products, 0.0)
 
     def require_alike(self) -> None:
         """Raise :class:`InputError` for a part that is like no other; of few parts none is told from the others."""
@@ -171,7 +171,7 @@ class PartScatter:
             )
 
     def exchanged(self) -> tuple[str, ...]:
-        """Two parts of which the labels seem to be mixed up: exchanged, parts of a cavity scatter far less."""
+        """Names of two parts whose cavities seem to be mixed up: with them exchanged, cavities scatter far less."""
         labels = self.cavities
         pairs = [pair for pair in combinations(range(len(labels)), 2) if labels[pair[0]] != labels[pair[1]]]
         if not (pairs and self.repeats) or self.freedom < _LEAST_FREEDOM:

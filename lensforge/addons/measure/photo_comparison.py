@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 
 from lensforge.addons.measure.image_similarity import SimilarityFit, fit_similarity, moved_back, normalised, similarity
 from lensforge.addons.measure.measurement_result import Alignment, Evenness, Located, PhotoComparison, Pixel
-from lensforge.addons.measure.target_corners import listed, locate, means
+from lensforge.addons.measure.target_corners import Square, listed, locate, means
 from lensforge.errors import InputError
 from lensforge.optics.image_reading import read_picture
 from lensforge.results import Metric
@@ -188,7 +188,7 @@ def compare_photo(
         inputs={},
         on=shot.on.name,
         off=shot.off.name if shot.off else None,
-        corners=_corners(picture.corners),
+        corners=pixels_of(picture.corners),
         corners_located=located,
         target_mm=_target(shot, grid),
         width_mm=grid.width,
@@ -228,7 +228,8 @@ def _alignment(fit: SimilarityFit, by_corners: Float[np.ndarray, "4"]) -> Alignm
     return Alignment(displacement_x_mm=x, displacement_y_mm=y, scale=size, rotation_deg=rotation)
 
 
-def _corners(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pixel]:
+def pixels_of(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pixel]:
+    """Corners as a record has them."""
     first, second, third, fourth = ((float(column), float(row)) for column, row in corners)
     return first, second, third, fourth
 
@@ -239,15 +240,15 @@ def _target(shot: Shot, grid: PixelGrid) -> Size:
 
 
 @dataclass(frozen=True)
-class _OnTarget:
-    """The photograph on the receiver, scaled to a mean of 1; the share that the camera clipped; and its corners."""
+class LightOnTarget:
+    """A photograph on the receiver, scaled to a mean of 1; the share that the camera clipped; and its corners."""
 
     light: Float[np.ndarray, "h w"]
     clipped: float
     corners: Float[np.ndarray, "4 2"]
 
 
-def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "h w"]) -> tuple[_OnTarget, Located | None]:
+def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "h w"]) -> tuple[LightOnTarget, Located | None]:
     """The photograph on the receiver, and how its corners were found if they were not given."""
     if min(grid.shape) < _LEAST_PIXELS:
         raise InputError(
@@ -257,35 +258,42 @@ def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "h w"]) -
     on = read_photograph(shot.on, shot.gamma)
     dark = read_photograph(shot.off, shot.gamma, on.orientation) if shot.off else None
     lit = lit_only(on, dark)
+    target_mm = _target(shot, grid)
     if shot.corners is not None:
-        return _on_target(lit, shot, shot.corners, grid), None
-    border = np.concatenate([reference[0], reference[-1], reference[:, 0], reference[:, -1]])
-    square = locate(
-        on.light,
-        None if dark is None else dark.light,
-        border_share=float(border.mean() / reference.max()),
-        lit_square=shot.target_mm is not None,
-    )
-    seen = _on_target(lit, shot, square.corners, grid)
+        return light_on_target(lit, shot.on, shot.corners, target_mm, grid), None
+    square = located_target(on, dark, reference, lit_square=shot.target_mm is not None)
+    seen = light_on_target(lit, shot.on, square.corners, target_mm, grid)
     require_upright(seen.light, reference, square.corners)
     return seen, square.located
 
 
-def _on_target(picture: Photograph, shot: Shot, corners: Float[np.ndarray, "4 2"], grid: PixelGrid) -> _OnTarget:
-    target_mm = _target(shot, grid)
+def located_target(
+    on: Photograph, off: Photograph | None, simulated: Float[np.ndarray, "h w"], *, lit_square: bool = False
+) -> Square:
+    """Find the target of the ``simulated`` light in the photographs; ``lit_square``: as of :func:`locate`."""
+    border = np.concatenate([simulated[0], simulated[-1], simulated[:, 0], simulated[:, -1]])
+    share = float(border.mean() / simulated.max())
+    return locate(on.light, None if off is None else off.light, border_share=share, lit_square=lit_square)
+
+
+def light_on_target(
+    picture: Photograph, path: Path, corners: Float[np.ndarray, "4 2"], target_mm: Size, grid: PixelGrid
+) -> LightOnTarget:
+    """Light of the ``picture`` of ``path`` on the pixels of ``grid``; ``target_mm``: of the rectangle of the corners.
+
+    Raises :class:`InputError` for a receiver that is dark, or partly outside the picture.
+    """
     image = rectify(picture.light, corners, target_mm, grid)
     unseen = float(np.isnan(image).mean())
     if unseen > 0.0:
         raise InputError(
-            f"corners: {unseen:.1%} of the receiver of {grid.width:g} x {grid.height:g} mm lies outside {shot.on}; "
+            f"corners: {unseen:.1%} of the receiver of {grid.width:g} x {grid.height:g} mm lies outside {path}; "
             f"are they those of a target of {target_mm[0]:g} x {target_mm[1]:g} mm?"
         )
     if image.mean() <= 0.0:
-        raise InputError(
-            f"{shot.on}: within the corners no brighter than with the LED off; are on and off interchanged?"
-        )
+        raise InputError(f"{path}: within the corners no brighter than with the LED off; are on and off interchanged?")
     clipped = float(rectify(picture.clipped.astype(np.float64), corners, target_mm, grid).mean())
-    return _OnTarget(normalised(image), clipped, corners)
+    return LightOnTarget(normalised(image), clipped, corners)
 
 
 def _evenness(image: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"] | None) -> Evenness:

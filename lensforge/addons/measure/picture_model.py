@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter, laplace, map_coordinates
 
+from lensforge import seeds
 from lensforge.addons.measure.form_unknowns import FormUnknowns
 from lensforge.light.simulation import TracedLens
 from lensforge.made.part_light import rays_behind
@@ -26,7 +27,7 @@ Pictures = Float[np.ndarray, "p h w"]
 Slopes = Float[np.ndarray, "k p h w"]
 
 BLUR_PX = 1.5  # standard deviation of the blur, in pixels of the model
-_STEP = 1e-2  # of what is expected of an unknown: the displacement of a ray is linear to 1e-4 over it
+_STEP = 1e-2  # of the prior standard deviation of an unknown: the displacement of a ray is linear to 1e-4 over it
 
 
 def blurred(picture: Float[np.ndarray, "*p h w"]) -> Float[np.ndarray, "*p h w"]:
@@ -39,7 +40,7 @@ def blurred(picture: Float[np.ndarray, "*p h w"]) -> Float[np.ndarray, "*p h w"]
 class PictureModel:
     """Light of a lens with ``unknowns`` on ``receiver``, its LED at each of the ``poses`` (mm from its place).
 
-    ``rays``: in each of the ``replicates`` of a picture, whose seeds begin at ``seed``.
+    Each picture is traced by several ``samples`` of ``rays`` rays, whose seeds follow from ``seed`` and their numbers.
     """
 
     traced: TracedLens
@@ -47,13 +48,13 @@ class PictureModel:
     source: Source
     unknowns: FormUnknowns
     poses: Sequence[Vector]
+    samples: range
     rays: int
-    replicates: int
     seed: int
 
-    def of_rays(self, rays: int, replicates: int, shift: int) -> "PictureModel":
-        """The model by other rays, whose seeds are ``shift`` on."""
-        return replace(self, rays=rays, replicates=replicates, seed=self.seed + shift)
+    def by(self, samples: range) -> "PictureModel":
+        """The model by other rays."""
+        return replace(self, samples=samples)
 
     @property
     def grid(self) -> PixelGrid:
@@ -61,27 +62,27 @@ class PictureModel:
         return self.receiver.grid
 
     def pictures(self, numbers: Numbers) -> Float[np.ndarray, "r p h w"]:
-        """Blurred pictures by each replicate; the light of the LED is 1 on the mean over the pixels."""
-        out = np.empty((self.replicates, len(self.poses), *self.grid.shape))
-        for replicate, place in np.ndindex(*out.shape[:2]):
-            landed = self._landed(numbers, place, self._rays(replicate, place))
-            out[replicate, place] = self._scale * bin_flux(landed.hits, landed.flux, self.grid)
+        """Blurred pictures by each sample; the light of the LED is 1 on the mean over the pixels."""
+        out = np.empty((len(self.samples), len(self.poses), *self.grid.shape))
+        for sample, place in np.ndindex(*out.shape[:2]):
+            landed = self._landed(numbers, place, self._rays(sample, place))
+            out[sample, place] = self._scale * bin_flux(landed.hits, landed.flux, self.grid)
         return blurred(out)
 
     def slopes(self, numbers: Numbers) -> Float[np.ndarray, "r k p h w"]:
-        """Slopes of the blurred pictures by each number, by each replicate."""
-        shape = (self.replicates, len(self.unknowns), len(self.poses), *self.grid.shape)
+        """Derivatives of the blurred pictures by each number, for each sample."""
+        shape = (len(self.samples), len(self.unknowns), len(self.poses), *self.grid.shape)
         out = np.empty(shape, dtype=np.float32)
-        for replicate, place in np.ndindex(shape[0], shape[2]):
-            rays = self._rays(replicate, place)
+        for sample, place in np.ndindex(shape[0], shape[2]):
+            rays = self._rays(sample, place)
             before = self._landed(numbers, place, rays)
             for number, step in enumerate(_STEP * np.eye(len(numbers))):
                 after = self._landed(numbers + step, place, rays)
-                out[replicate, number, place] = self._scale * _slope(before, after, self.grid) / _STEP
+                out[sample, number, place] = self._scale * _slope(before, after, self.grid) / _STEP
         return out
 
-    def _rays(self, replicate: int, place: int) -> RayBundle:
-        return self.source.sample(self.rays, self.seed + replicate * len(self.poses) + place)
+    def _rays(self, sample: int, place: int) -> RayBundle:
+        return self.source.sample(self.rays, seeds.of_picture(self.seed, self.samples[sample], place))
 
     def _landed(self, numbers: Numbers, place: int, rays: RayBundle) -> Landings:
         part = self.unknowns.part(numbers, self.poses[place])
@@ -97,29 +98,27 @@ def _slope(before: Landings, after: Landings, grid: PixelGrid) -> Float[np.ndarr
     both = before.arrived & after.arrived
     moved = np.where(both[:, None], after.hits - before.hits, 0.0) / np.array(grid.pixel)
     flux = np.where(both, before.flux, 0.0)
-    across, along, more = _signed(before.hits, [*(flux * moved.T), np.where(both, after.flux - before.flux, 0.0)], grid)
+    gained = np.where(both, after.flux - before.flux, 0.0)
+    across, along, more = (_signed(before.hits, amounts, grid) for amounts in (*(flux * moved.T), gained))
     by_x = gaussian_filter(across, BLUR_PX, order=(0, 1), mode="constant")
     by_y = gaussian_filter(along, BLUR_PX, order=(1, 0), mode="constant")
     return np.asarray(blurred(more) - by_x - by_y)
 
 
 def _signed(
-    hits: Float[np.ndarray, "n 2"], amounts: Sequence[Float[np.ndarray, " n"]], grid: PixelGrid
-) -> list[Float[np.ndarray, "h w"]]:
-    """Sums of ``amounts`` of either sign in each pixel."""
-    place = np.floor((hits / np.array(grid.size) + 0.5) * np.array([grid.columns, grid.rows])).astype(np.int64)
-    inside = ((place >= 0) & (place < [grid.columns, grid.rows])).all(axis=1)
-    pixel = place[inside, 1] * grid.columns + place[inside, 0]
-    return [np.bincount(pixel, amount[inside], grid.rows * grid.columns).reshape(grid.shape) for amount in amounts]
+    hits: Float[np.ndarray, "n 2"], amounts: Float[np.ndarray, " n"], grid: PixelGrid
+) -> Float[np.ndarray, "h w"]:
+    """Sum of ``amounts`` of either sign in each pixel; bins take flux alone, which is nowhere below 0."""
+    return bin_flux(hits, np.maximum(amounts, 0.0), grid) - bin_flux(hits, np.maximum(-amounts, 0.0), grid)
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A camera on its stand: brightness of each of ``count`` pictures, corners of the target and blur in all of them.
 
-    Its numbers are in units of what is expected: the logarithm of each brightness, column and row of each corner, and
-    the variance of a blur beyond that of all pictures. ``corner_px``: standard deviation of a corner, in pixels of the
-    model.
+    Its numbers are in units of their prior standard deviations: the logarithm of each brightness, column and row of
+    each corner, and the variance of a blur beyond that of all pictures. ``corner_px``: prior standard deviation of a
+    corner, in pixels of the model.
     """
 
     grid: PixelGrid
@@ -144,7 +143,7 @@ class Camera:
         return np.asarray(bright[:, None, None] * np.stack(moved))
 
     def slopes(self, pictures: Pictures) -> Slopes:
-        """Slopes of what is seen by each number, for ``pictures`` as they are seen."""
+        """Derivatives of ``pictures``, as the camera sees them, by each of its numbers."""
         out = np.zeros((len(self), *pictures.shape))
         for number in range(self.count):
             out[number, number] = self.BRIGHTNESS * pictures[number]
@@ -156,7 +155,7 @@ class Camera:
 
     @property
     def _moves(self) -> Float[np.ndarray, "8 2 h w"]:
-        """Displacement (pixels) of the picture by that of each corner, column and row by turns: of a homography."""
+        """Displacement of the picture for one of a corner by a pixel, first along its columns, then along its rows."""
         x, y = np.meshgrid(self.grid.x() / self.grid.width, self.grid.y() / self.grid.height)
         corners = 0.5 * np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
         at_corners = np.concatenate([_homography_moves(*corners.T)[:, axis] for axis in (0, 1)], axis=1)

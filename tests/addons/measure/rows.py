@@ -132,7 +132,7 @@ LOCKED = {  # stages that write into a folder, and a file that they would read
 REFUSED = {  # by the verbs, and the words
     lambda: lf.compare(LENS, points=5, surface="inner"): "points = 5: give the path",
     lambda: lf.compare("a", on="b"): "compare: give one of two",
-    lambda: lf.infer(LENS, pictures=["a.png"], poses="poses.csv"): "pictures: 1 given, at least 2",
+    lambda: lf.infer(LENS, pictures=["a.png"], poses="poses.csv"): "pictures: 1 given, must be 2 to 64",
     lambda: lf.infer(
         LENS, pictures=["a.png", "b.png"], poses="poses.csv", expected_um=0.0
     ): "expected_um = 0.0: must be",

@@ -1,6 +1,6 @@
 """Errors of a made lens from pictures of its light: hidden ones are found again, and wrong pictures are refused."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -155,11 +155,22 @@ def test_errors_beyond_what_is_expected_are_told(lens: lf.Lens, shots: Path) -> 
     assert made.over_expected > 4.0 and "give --expected" in missed["inferred_errors"].remedy
 
 
+def test_a_saturated_picture_is_told(lens: lf.Lens, shots: Path) -> None:
+    levels = np.asarray(Image.open(shots / "2.png"), dtype=np.float64)
+    bright = levels * 65535.0 / np.quantile(levels, 0.97)
+    Image.fromarray(np.clip(bright, 0.0, 65535.0).astype(np.uint16)).save(shots / "bright.png")
+    pictures = [shots / name for name in ("0.png", "1.png", "bright.png")]
+    made = lf.infer(lens, **options(shots, pictures=pictures, rays=2**15))
+    assert 0.03 < made.clipped < 0.2
+    assert [criterion.key for criterion in made.criteria if not criterion.holds] == ["photo_clipped"]
+
+
 REFUSED = {
     "a pose is missing": ({"poses": "two.csv"}, "2 rows, there are 3 pictures"),
     "pictures are mirrored": ({"corners": CORNERS[[1, 0, 3, 2]].tolist()}, "mirrored, left for right"),
     "the poses are in another order": ({"poses": "other.csv"}, "no low-order errors of this lens explain them"),
-    "one picture": ({"pictures": ["0.png"]}, "at least 2"),
+    "one picture": ({"pictures": ["0.png"]}, "must be 2 to 64"),
+    "pixels that no memory holds": ({"pictures": ["0.png"] * 9, "pixels": 512}, "at most 482 with 9 pictures"),
 }
 
 
@@ -185,10 +196,10 @@ def test_slopes_are_those_of_pictures_by_many_rays(lens: lf.Lens) -> None:
     traced = TracedLens.of(lens, 4.0)
     unknowns = FormUnknowns.of(lens, traced, 5.0)
     receiver = receivers_of(lens.spec, 48)[0]
-    model = PictureModel(traced, receiver, source_of(lens.spec), unknowns, [(0.2, -0.1, 0.05)], 2**16, 2, 7)
+    model = PictureModel(traced, receiver, source_of(lens.spec), unknowns, [(0.2, -0.1, 0.05)], range(2), 2**16, 7)
     numbers = 0.3 * np.random.default_rng(1).normal(size=len(unknowns))
     first, second = model.slopes(numbers)
-    many = model.of_rays(2**18, 1, 100)
+    many = replace(model, samples=range(2, 3), rays=2**18)
     for number in (0, 3, 13, 17, 19, 22, 24):
         step = np.eye(len(unknowns))[number]
         change = 0.5 * (many.pictures(numbers + step)[0] - many.pictures(numbers - step)[0])
