@@ -91,7 +91,7 @@ def remedy(advice: str) -> Iterator[None]:
 
 @contextmanager
 def refused(where: object, message: str, *causes: type[Exception]) -> Iterator[None]:
-    """Raise an :class:`InputError` for one of the ``causes`` inside the block: ``words`` on ``where``, … the cause."""
+    """Raise an :class:`InputError` for one of the ``causes`` inside the block: ``message`` on ``where``, the cause."""
     try:
         yield
     except causes as error:

@@ -19,6 +19,7 @@ from lensforge.sources.ray_bundle import RayBundle
 
 _AT_END_MM = 1e-6  # a body in the very surface of a receiver is none before it
 _OFF_WALL_MM = 1e-6
+_UPRIGHT = 1e-12  # sine of incidence below which a ray has no direction along the wall
 _WALLS = 7  # of seeds: numbers that those of no face are
 
 
@@ -44,12 +45,18 @@ class ObstacleBody(NamedTuple):
 
 
 class Met(NamedTuple):
-    """Bodies that rays meet: numbers of their triangles, -1 for none, the distances (mm), and the share of the light
-    that goes on, 1 where there is none."""
+    """Bodies that rays meet: numbers of their triangles, -1 for none, and the distances (mm).
+
+    ``onward``: share of the light that goes on, 1 of a ray that meets none.
+    """
 
     triangles: Int[np.ndarray, " n"]
     distances: Float[np.ndarray, " n"]
     onward: Float[np.ndarray, " n"]
+
+    def take(self, rows: Int[np.ndarray, " k"]) -> "Met":
+        """Those of some of the rays."""
+        return Met(*(column[rows] for column in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +109,8 @@ class Obstacles:
         cosine = -np.sum(directions * n, axis=1)[:, None]
         flat = directions + cosine * n
         size = np.linalg.norm(flat, axis=1)[:, None]
-        other = np.cross(n, np.eye(3)[np.abs(n).argmin(axis=1)])
-        t = np.where(size > _OFF_WALL_MM**2, flat, other / np.linalg.norm(other, axis=1)[:, None])
+        aside = np.cross(n, np.eye(3)[np.abs(n).argmin(axis=1)])
+        t = np.where(size > _UPRIGHT, flat, aside / np.linalg.norm(aside, axis=1)[:, None])
         t /= np.linalg.norm(t, axis=1)[:, None]
         sine = np.sqrt(numbers[:, 0])
         spot = sine * np.exp(2j * np.pi * numbers[:, 1])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.proof.obstacles import Met, ObstacleBody, Obstacles
+from lensforge.proof.obstacles import ObstacleBody, Obstacles
 from lensforge.proof.proof_result import BodyLightProof
 from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.results import Metric
@@ -82,7 +82,7 @@ class PatchedBody:
         # A convex body, which alone may both reflect light and be measured, has no light of its own.
         turned = np.flatnonzero((met >= len(self.patches)) & (first.onward > 0.0))
         if len(turned):
-            of_turned = Met(*(column[turned] for column in first))
+            of_turned = first.take(turned)
             starts, going = (column[turned] for column in ways)
             onward = bodies.reflect(starts, going, of_turned, passage.draws[left][turned])
             met[turned] = bodies.met(*onward, np.full(len(turned), np.inf)).triangles

@@ -14,7 +14,7 @@ from scipy.ndimage import convolve1d
 from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
-from lensforge.proof.obstacles import Met, Obstacles
+from lensforge.proof.obstacles import Obstacles
 
 _AT_ONE_METRE = 1000.0  # mm: gaps between directions are given as they are there
 _FLATTEST = 1e-3  # cosine of arrival: pixels seen edge on would allow any gap
@@ -137,8 +137,7 @@ class Screen(ABC):
         places[met.triangles >= 0] = np.nan
         rows = np.flatnonzero((met.triangles >= 0) & (met.onward > 0.0))
         if len(rows):
-            of_rows = Met(*(column[rows] for column in met))
-            ways = self.obstacles.reflect(points[rows], directions[rows], of_rows, numbers[rows])
+            ways = self.obstacles.reflect(points[rows], directions[rows], met.take(rows), numbers[rows])
             places[rows] = self.land(*ways)
             again[rows] = self.obstacles.met(*ways, self._paths_mm(*ways, places[rows])).triangles >= 0
             places[again] = np.nan

@@ -7,7 +7,8 @@ an archive of NumPy's with the arrays.
 import hashlib
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +37,18 @@ ANEW = "delete it, or start anew without resume"
 _NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances")  # what a search does not depend on
 _NOT_ROBUST = ("evaluate", "manufacture")  # the same where it is robust: the lens shrinks about its seat
 _MOST_BYTES = 2**30  # a million steps, the most there are, leave 150 MB
+
+
+class CheckpointError(InputError):
+    """A checkpoint that cannot be read, written or deleted, or is not of this search: the lens has no part in it."""
+
+
+@contextmanager
+def _of_checkpoint() -> Iterator[None]:
+    try:
+        yield
+    except InputError as error:
+        raise CheckpointError(str(error)) from error.__cause__
 
 
 class CheckpointHead(Record):
@@ -67,8 +80,9 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+@_of_checkpoint()
 def save_checkpoint(path: Path, head: CheckpointHead, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write a checkpoint beside ``path`` and rename it."""
+    """Write a checkpoint beside ``path`` and rename it. Raises :class:`CheckpointError` where that cannot be done."""
     archive = io.BytesIO()
     np.savez(archive, allow_pickle=False, **arrays)
     content = head.model_dump_json().encode() + b"\n" + archive.getvalue()
@@ -77,8 +91,9 @@ def save_checkpoint(path: Path, head: CheckpointHead, arrays: Mapping[str, np.nd
         temporary.write_bytes(_FORMAT + digest + b"\n" + content)
 
 
+@_of_checkpoint()
 def load_checkpoint(path: Path, key: str) -> tuple[CheckpointHead, dict[str, np.ndarray]]:
-    """Read a checkpoint of this very design. Raises :class:`InputError` for none, a damaged one, or another's."""
+    """Read a checkpoint of this very design. Raises :class:`CheckpointError` for none, a damaged one, or another's."""
     line, _, archive = _content(path).partition(b"\n")
     try:
         fields = json.loads(line)
@@ -114,13 +129,13 @@ def of_later_size(path: Path, number: int) -> Path:
 def delete_checkpoint(path: Path) -> None:
     """Delete the checkpoint at ``path``, where there is one, and those of searches that follow it.
 
-    Raises :class:`InputError` where that cannot be done.
+    Raises :class:`CheckpointError` where that cannot be done.
     """
     try:
         for size, number in product(range(MOST_SIZES), range(_MOST_SEARCHES)):
             of_later_search(of_later_size(path, size), number).unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"{path}: cannot be replaced ({error.strerror}); give another checkpoint") from None
+        raise CheckpointError(f"{path}: cannot be replaced ({error.strerror}); give another checkpoint") from None
 
 
 def is_checkpoint(path: Path) -> bool:

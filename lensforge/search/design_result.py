@@ -34,7 +34,7 @@ from lensforge.results import (
 )
 from lensforge.results.arguments import require_choice
 from lensforge.results.criteria import Criteria, at_least
-from lensforge.results.figure import Figure, facts_in
+from lensforge.results.figure import Figure, facts_in, figure
 from lensforge.results.numerals import quantity
 from lensforge.results.plots import plot_curves
 from lensforge.scene.lens import Lens
@@ -148,6 +148,17 @@ class TriedSize(Record):
     why: Text = ""
 
 
+def _searches_within(design: Any) -> str:
+    """Number of searches for the smallest lens, and the next smaller size, which has none that holds the limits."""
+    least_mm = design.least_mm
+    below = [
+        size.within_mm for size in design.sizes if not size.holds and (least_mm is None or size.within_mm < least_mm)
+    ]
+    missed = f"; no lens within {quantity(max(below), 'mm')} holds all limits" if below else ""
+    count = len(design.sizes)
+    return f"by {count} searches{missed}" if count > 1 else f"by one search{missed}"
+
+
 _COST_OF_LIGHT = 0.005
 _COST_OF_PATTERN = 0.1
 COSTS = "tool costs"  # what a run says while it measures them
@@ -252,6 +263,15 @@ class Design(StageResult):
         yield "steps", self.steps, sum(len(level.loss) for level in self.history)
 
     @property
+    @figure(
+        Figure(
+            lambda design: f"Least {design.lens.spec.optimise.size}",
+            _searches_within,
+            key="least_size",
+            missing="no size holds all limits",
+            when=lambda design: bool(design.sizes),
+        )
+    )
     def least_mm(self) -> float | None:
         """Size of the smallest lens that holds all limits; None if none does, or if it was not sought."""
         return min((tried.size_mm for tried in self.sizes if tried.holds and tried.size_mm), default=None)
@@ -466,26 +486,12 @@ def constraint_criteria(spec: Spec, measured: Margins) -> Criteria:
 def design_facts(design: Design) -> list[Group]:
     """Groups of the lens, of the search, and of its starts where there were several."""
     groups = [
-        Group("lens", "Lens", (*facts_in(design, design.criteria), *_least_size(design))),
+        Group("lens", "Lens", tuple(facts_in(design, design.criteria))),
         Group("search", "Search", tuple(_search(design))),
     ]
     if design.tool_costs:
         groups.append(Group("costs", "Costs of the tools", tuple(cost.fact for cost in design.tool_costs)))
     return groups if design.spread is None else [*groups, Group("starts", "Starts", tuple(_starts(design)))]
-
-
-def _least_size(design: Design) -> Iterator[Fact]:
-    """The smallest lens where it was sought, and the next smaller size, which has none that holds the limits."""
-    if not design.sizes:
-        return
-    least_mm = design.least_mm
-    below = [
-        size.within_mm for size in design.sizes if not size.holds and (least_mm is None or size.within_mm < least_mm)
-    ]
-    missed = f"; no lens within {quantity(max(below), 'mm')} holds all limits" if below else ""
-    count = len(design.sizes)
-    note = f"by {count} searches{missed}" if count > 1 else f"by one search{missed}"
-    yield Fact("least_size", f"Least {design.lens.spec.optimise.size}", least_mm, "mm", note=note)
 
 
 def _widest(spec: Spec) -> str:

@@ -15,9 +15,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.errors import InputError
 from lensforge.results.json_npz import Form, require_forms
-from lensforge.search.checkpoint import ANEW, CheckpointHead, load_checkpoint, save_checkpoint
+from lensforge.search.checkpoint import ANEW, CheckpointError, CheckpointHead, load_checkpoint, save_checkpoint
 from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.design_result import Level
 from lensforge.search.problem import Problems
@@ -132,14 +131,14 @@ class SearchState:
     def load(path: Path, key: str, forms: FormsOf) -> "SearchState":
         """The state saved at ``path``, whose arrays must have the ``forms`` that follow from its head and their names.
 
-        Raises :class:`InputError` for none, a damaged one, another design's, and one that no search can have.
+        Raises :class:`CheckpointError` for none, a damaged one, another design's, and one that no search can have.
         """
         head, arrays = load_checkpoint(path, key)
         try:
             require_forms(arrays, forms(head, arrays))
             _require_moments(arrays)
         except ValueError as error:
-            raise InputError(f"{path}: no state of this search: {error}; {ANEW}") from None
+            raise CheckpointError(f"{path}: no state of this search: {error}; {ANEW}") from None
         parts: dict[str, Any] = {name: torch.from_numpy(array) for name, array in arrays.items()}
         for name, kind in _KEPT.items():
             kept = [parts.pop(f"{name}.{part}", None) for part in kind._fields]

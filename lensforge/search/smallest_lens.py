@@ -21,7 +21,7 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.results import Fact
 from lensforge.scene.lens import Lens
-from lensforge.search.checkpoint import MOST_SIZES, of_later_size
+from lensforge.search.checkpoint import MOST_SIZES, CheckpointError, of_later_size
 from lensforge.search.design_result import ENOUGH, Design, Observer, Progress, TriedSize
 from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.spec import AnyAccuracy, Spec
@@ -111,8 +111,8 @@ def smallest_lens(
     """Search for the smallest lens that holds all limits of ``spec``, within sizes from its largest one downwards.
 
     Where even that one does not hold them, its lens is the result. ``start``: from which each search begins. Each has
-    a ``checkpoint`` of its own. Raises :class:`InputError` as the first search does; that no lens is as small as a
-    later one asks only ends the interval of sizes.
+    a ``checkpoint`` of its own. Raises :class:`InputError` as the first search does, and for a checkpoint of a later
+    one; that no lens is as small as a later one asks only ends the interval of sizes.
     """
     step = preset_of(accuracy).effort.size_step
     searches = _Searches(progress, [])
@@ -133,6 +133,8 @@ def smallest_lens(
                 progress=searches.observer("" if within_mm is None else f"{spec.optimise.size} {within_mm:.4g} mm"),
                 **options,
             )
+        except CheckpointError:
+            raise  # it says nothing about lenses of this size
         except InputError as error:
             if within_mm is None or number == 0:
                 raise

@@ -22,7 +22,7 @@ from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Milli
 
 MOST_BODIES = 32
 
-Surface = Literal["black", "diffuse", "mirror"]
+Finish = Literal["black", "diffuse", "mirror"]
 
 
 @public
@@ -45,7 +45,7 @@ class HousingSection(OfSeveralKinds, Section):
         default=(0.0, 0.0), description="Tilt of its axis from +z: about x, then about y."
     )
     rotate_z_deg: Turn = Field(default=0.0, description="Turn about its own axis, before the tilt.")
-    surface: Surface = Field(
+    surface: Finish = Field(
         default="black",
         description='Its surface. "black": takes all light. "diffuse": reflects it into all directions by the law of '
         'Lambert. "mirror": reflects it as a mirror. The search takes all bodies for black.',

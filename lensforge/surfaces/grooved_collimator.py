@@ -327,15 +327,16 @@ def lowest_grooved_collimator(
     """
     choice = _Choice(index, room, side_mm, half_angle_rad, draft_rad, mirrored=False)
     numbers = choice.best(_ALL_STARTS)
-    found = choice.require_room(numbers)
+    lowest = choice.require_room(numbers)
     most = choice.share(numbers)
     while True:
         choice = replace(choice, room=choice.room._replace(height_mm=_LOWER * choice.room.height_mm))
         numbers = choice.best([tuple(numbers)])
-        most = max(most, choice.share(numbers))
-        if choice.share(numbers) < OF_BEST * most:
-            return found
-        found = choice.lens_of(numbers)
+        share = choice.share(numbers)
+        most = max(most, share)
+        if share < OF_BEST * most:
+            return lowest
+        lowest = choice.lens_of(numbers)
 
 
 def _through(points: _Meridian, reach_mm: float) -> ProfileFace:

@@ -40,6 +40,11 @@ def blended(lens: Float[Array, " n"], ring: Float[Array, " n"], band: Float[Arra
     return module_of(lens).minimum(lens, ring) - band * rounded
 
 
+def _lens_share(x: _Values) -> _Values:
+    """Share of the slope of the lens at ``x`` in the band, from -1 to 1: the derivative of :func:`blended`."""
+    return 0.5 - x * (15.0 - x**2 * (10.0 - 3.0 * x**2)) / 16.0
+
+
 @dataclass(frozen=True)
 class GroovedFace(ReciprocalSurface):
     """A ``lens`` about the axis and a ``ring`` around it; ``band_per_mm`` (1/mm): of 1/rho, in which they are blended.
@@ -66,8 +71,9 @@ class GroovedFace(ReciprocalSurface):
         if groove is None:
             raise InputError("grooved: lens and ring do not meet in a groove; move the ring out, or the lens up")
         x = np.linspace(-1.0, 1.0, _ACROSS)  # places in the band, from the lens to the ring
-        slope = groove.slope + 0.5 * groove.turn * x * (15.0 - x**2 * (10.0 - 3.0 * x**2)) / 8.0 * groove.sense
-        stretch = (1.0 + (slope / groove.value) ** 2) ** 1.5
+        share = _lens_share(x)
+        slopes = share * groove.lens_slope + (1.0 - share) * groove.ring_slope
+        stretch = (1.0 + (slopes / groove.value) ** 2) ** 1.5
         bands = _BEND * (1.0 - x**2) ** 2 * groove.turn**2 / (groove.value + stretch / radius_mm)
         return GroovedFace(reach_mm, lens, ring, float(bands.max()))
 
@@ -88,7 +94,7 @@ class GroovedFace(ReciprocalSurface):
         lens, lens_slope = self.lens.reciprocal(directions)
         ring, ring_slope = self.ring.reciprocal(directions)
         x = np.clip((lens - ring) / self.band_per_mm, -1.0, 1.0)
-        lens_share = 0.5 - x * (15.0 - x**2 * (10.0 - 3.0 * x**2)) / 16.0
+        lens_share = _lens_share(x)
         slope = lens_share[:, None] * lens_slope + (1.0 - lens_share)[:, None] * ring_slope
         return blended(lens, ring, self.band_per_mm), slope
 
@@ -101,15 +107,18 @@ class GroovedFace(ReciprocalSurface):
 class Groove:
     """Crossing of two zones, the first from the axis on: ``cosine`` to it, and ``value`` of ``1/rho`` (1/mm).
 
-    ``slope``, ``turn``: mean of its slopes by the angle from the axis, and their difference. ``sense``: -1 if that of
-    the ring is less.
+    ``lens_slope``, ``ring_slope``: of 1/rho by the angle from the axis, on either side of it.
     """
 
     cosine: float
     value: float
-    slope: float
-    turn: float
-    sense: float
+    lens_slope: float
+    ring_slope: float
+
+    @property
+    def turn(self) -> float:
+        """Difference of the slopes."""
+        return abs(self.lens_slope - self.ring_slope)
 
     @staticmethod
     def of(lens: ProfileFace, ring: ProfileFace) -> "Groove | None":
@@ -122,14 +131,8 @@ class Groove:
         share = ahead[first - 1] / (ahead[first - 1] - ahead[first])
         cosine = float(cosines[first - 1] + share * (cosines[first] - cosines[first - 1]))
         at = _towards(np.array([cosine]))
-        of_lens, of_ring = (float(-at[0, 0] * zone.reciprocal(at)[1][0, 2]) for zone in (lens, ring))
-        return Groove(
-            cosine=cosine,
-            value=float(lens.value(at)[0]),
-            slope=0.5 * (of_lens + of_ring),
-            turn=abs(of_lens - of_ring),
-            sense=float(np.sign(of_ring - of_lens)),
-        )
+        lens_slope, ring_slope = (float(-at[0, 0] * zone.reciprocal(at)[1][0, 2]) for zone in (lens, ring))
+        return Groove(cosine, float(lens.value(at)[0]), lens_slope, ring_slope)
 
 
 def _towards(cosines: _Values) -> _Vectors:

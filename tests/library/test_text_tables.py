@@ -170,7 +170,7 @@ def test_blank_cells_count_as_what_the_caller_says():
 
 
 LEDS = (
-    Column(("name",), is_text=True, needed=False), Column(("file",), words=True),
+    Column(("name",), is_text=True, needed=False), Column(("file",), is_text=True),
     Column(("flux",), {"lm": 1.0}, needed=False),
     Column(("flux",), {"w": 1.0, "mw": 1e-3}, needed=False),
 )  # fmt: skip

@@ -9,6 +9,7 @@ from presets import FEW
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.light.evaluation import measure_preset
 from lensforge.light.exit_light import exit_rays
 from lensforge.light.lens_light import searched_source
 from lensforge.light.light_facts import light_facts
@@ -328,6 +329,17 @@ def test_a_search_and_an_eye_take_all_bodies_for_black() -> None:
         assert view.housing is not None and not view.housing.reflects
     for other in pictures[1:]:
         assert all((first == same).all() for first, same in zip(pictures[0], other, strict=True))
+
+
+def test_the_error_of_the_tables_is_that_before_black_bodies() -> None:
+    """To the last bit: rays through exact surfaces have no numbers for a diffuse wall."""
+    errors = []
+    for surface in ({}, WHITE, MIRROR):
+        lens = lens_of(small_spec(scene=[RING | surface]))
+        coarse, fine = (TracedLens.of(lens, nodes) for nodes in (2.0, 4.0))
+        errors.append(measure_preset(lens, searched_source(lens.spec), coarse, fine))
+    assert errors[0] == errors[1] == errors[2]
+    assert abs(errors[0].design.efficiency.value) > 0.0
 
 
 @pytest.mark.parametrize("surface", [MIRROR, WHITE], ids=["mirror", "white"])

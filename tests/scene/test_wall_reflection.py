@@ -135,6 +135,31 @@ def test_lambert_s_law_has_its_moments_about_any_normal_and_turns_with_the_scene
     assert mirrored(mirrored(directions, facing), facing) == pytest.approx(directions, abs=1e-12)
 
 
+@pytest.mark.parametrize("normal", np.concatenate([np.eye(3), -np.eye(3)]))
+def test_light_straight_onto_a_wall_along_an_axis_is_spread_about_its_normal(normal: np.ndarray) -> None:
+    """A ray has no direction along such a wall; that of any is as good."""
+    normals = np.repeat(normal[None], COUNT, axis=0)
+    going = diffused(-normals, normals, sobol(COUNT, 2, 3))
+    assert np.linalg.norm(going, axis=1) == pytest.approx(1.0, abs=1e-12)
+    assert going.mean(axis=0) == pytest.approx(normal * 2.0 / 3.0, abs=1e-3)
+
+
+def test_a_lamp_that_leans_sees_the_reflected_light_where_it_is() -> None:
+    """Of unequal walls, in the frame of the lamp and in that of the scene."""
+    lamp = Pose.of_tilts((14.0, -7.0, 3.0), (25.0, -40.0), 70.0)
+    rays = drawn(from_point(2000))
+    in_scene = replace(rays, points=lamp.points(rays.points), directions=lamp.directions(rays.directions))
+    housing = housing_of(SLAB.changed(**WHITE), TUBE.changed(**MIRROR), POST)
+    seen = housing.seen_from(lamp)
+    reach = np.full(2000, np.inf)
+    rows, by_lamp = seen.reflected(rays, seen.shadow(rays.points, rays.directions, reach))
+    same_rows, by_scene = housing.reflected(in_scene, housing.shadow(in_scene.points, in_scene.directions, reach))
+    assert rows.tolist() == same_rows.tolist() and len(rows) > 200
+    assert lamp.points(by_lamp.points) == pytest.approx(by_scene.points, abs=1e-9)
+    assert lamp.directions(by_lamp.directions) == pytest.approx(by_scene.directions, abs=1e-9)
+    assert by_lamp.flux == pytest.approx(by_scene.flux, rel=1e-12)
+
+
 @pytest.mark.parametrize("receiver", ["plane", "far field", "cylinder", "sphere"])
 @pytest.mark.parametrize("surface", [MIRROR, WHITE], ids=["mirror", "white"])
 def test_all_light_has_an_end(receiver: str, surface: dict[str, Any]) -> None:
@@ -231,6 +256,10 @@ def test_walls_of_unequal_surfaces_are_no_mirror_images() -> None:
         if other != WHITE:
             assert not housing_of(left.changed(**WHITE), right.changed(**other)).has_mirrors("rectangle")
     assert not housing_of(left, right.changed(**WHITE)).has_mirrors("mirror_x")
+    between = HousingBox(name="between", size_mm=(6.0, 8.0, 10.0), centre_mm=(0.0, 0.0, 60.0), **MIRROR)
+    left, right = (body.changed(**WHITE) for body in (left, right))
+    assert housing_of(left, between, right).has_mirrors("rectangle"), "its own mirror image is unlike the others"
+    assert not housing_of(left, between.changed(centre_mm=(0.5, 0.0, 60.0)), right).has_mirrors("rectangle")
 
 
 def test_the_facets_of_a_mirror_cylinder_turn_light_by_no_more_than_is_stated() -> None:

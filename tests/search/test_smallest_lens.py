@@ -1,9 +1,10 @@
 """The smallest lens that holds its limits: sizes against closed forms, lenses against a scan by hand."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -158,12 +159,69 @@ def test_an_observer_that_has_enough_ends_all_searches() -> None:
 
 def test_checkpoints_of_all_sizes_are_deleted_together(tmp_path: Path) -> None:
     first = tmp_path / "checkpoint.bin"
-    paths = [of_later_size(first, number) for number in range(3)]
-    assert len({*paths}) == 3 and paths[0] == first
+    paths = [of_later_size(first, number) for number in range(MOST_SIZES)]
+    assert len({*paths}) == MOST_SIZES and paths[0] == first
     for path in paths:
         path.write_bytes(b"")
     delete_checkpoint(first)
     assert not list(tmp_path.iterdir())
+
+
+def kept_search(folder: Path, progress: Any = None) -> Design:
+    """The search with its checkpoints in ``folder``, from which it goes on."""
+    with wall_not_measured():
+        return lf.design(
+            crooked(), accuracy=COARSE, warn=lambda _: None, checkpoint=folder / "state.bin", progress=progress
+        )
+
+
+@cache
+def interrupted_in_the_second() -> dict[str, bytes]:
+    """Checkpoints by name of a search that was stopped in its second size that has room, after one step."""
+    stops = list(dict.fromkeys(smallest()[1]))[1]
+    with TemporaryDirectory() as folder:
+        with pytest.raises(lf.Cancelled):
+            kept_search(Path(folder), progress=lambda now: now.within != stops)
+        return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+
+
+def kept_in(folder: Path, states: Mapping[str, bytes]) -> list[str]:
+    """Names of the checkpoints that are written into ``folder``, by age."""
+    for name, content in states.items():
+        (folder / name).write_bytes(content)
+    return sorted(states, key=len)
+
+
+def test_an_interrupted_search_ends_as_one_that_was_not(tmp_path: Path) -> None:
+    """To the same bits, of every size that was tried; sizes that are done take no step again, the next one the rest."""
+    design, heard = smallest()
+    _, second, *later = dict.fromkeys(heard)
+    number = next(number for number, size in enumerate(design.sizes) if second == f"radius {size.within_mm:.4g} mm")
+    assert kept_in(tmp_path, interrupted_in_the_second()) == ["state.bin", f"state_size_{number}.bin"]
+    again: list[tuple[str, int]] = []
+    end = kept_search(tmp_path, progress=lambda now: again.append((now.within, now.steps_done)))
+    assert end.lens.sha256 == design.lens.sha256
+    assert end.sizes == design.sizes and end.history == design.history and end.steps == design.steps
+    steps = [(within, 3 * place + step) for place, within in enumerate((second, *later), 1) for step in (1, 2, 3)]
+    assert again == steps[1:], "the first step of the second is in its state"
+
+
+def test_a_damaged_checkpoint_of_a_later_size_is_no_size_without_room(tmp_path: Path) -> None:
+    *_, last = kept_in(tmp_path, interrupted_in_the_second())
+    (tmp_path / last).write_bytes((tmp_path / last).read_bytes()[:-1])
+    with pytest.raises(InputError, match=rf"{last}: damaged checkpoint; delete it"):
+        kept_search(tmp_path)
+
+
+def test_a_checkpoint_that_cannot_be_written_ends_the_search(tmp_path: Path) -> None:
+    """From the second size on: a folder has its name."""
+
+    def in_the_way(_: lf.Progress) -> None:
+        for number in range(1, MOST_SIZES):
+            of_later_size(tmp_path / "state.bin", number).mkdir(exist_ok=True)
+
+    with pytest.raises(InputError, match=r"state_size_\d+\.bin: cannot be replaced"):
+        kept_search(tmp_path, progress=in_the_way)
 
 
 def test_of_several_starts_the_smallest_lens_is_the_best() -> None:
