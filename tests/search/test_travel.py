@@ -81,9 +81,15 @@ def test_an_led_that_meets_the_lens_between_two_stops_is_refused() -> None:
     assert require_clear_travel(small_spec(source=None, sources=leds)) == (), "nor do those of which one is built in"
 
 
-def test_between_the_second_and_the_third_stop_counts_too() -> None:
-    states = {"shift_mm": [0.0, 0.0, -0.3]}, {"tilt_deg": [0.0, 0.0]}, {"tilt_deg": [0.0, 180.0]}
-    with pytest.raises(lf.InputError, match=r"between the states 'b' and 'c'$"):
+@pytest.mark.parametrize(
+    ("states", "pair"),
+    [
+        (({"shift_mm": [0.0, 0.0, -0.3]}, {"tilt_deg": [0.0, 0.0]}, {"tilt_deg": [0.0, 180.0]}), ("b", "c")),
+        (({"tilt_deg": [0.0, 0.0]}, {"shift_mm": [0.0, 0.0, -0.6]}, {"tilt_deg": [0.0, 180.0]}), ("a", "c")),
+    ],
+)
+def test_between_any_two_stops_there_must_be_room(states: tuple[dict[str, Any], ...], pair: tuple[str, str]) -> None:
+    with pytest.raises(lf.InputError, match=f"between the states '{pair[0]}' and '{pair[1]}'$"):
         require_clear_travel(_spec(BAR, *states))
 
 

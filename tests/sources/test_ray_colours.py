@@ -81,11 +81,14 @@ def test_chips_of_lumens_have_the_watts_of_their_own_spectra() -> None:
 
 @pytest.mark.parametrize("proof", [False, True])
 def test_rays_of_chips_disperse_by_the_spectra_of_their_own(proof: bool) -> None:
-    spec = small_spec(source=chips(RED, BLUE).model_dump(), lens__material="PMMA")
+    """Of an LED that is turned and shifted: x of its own frame is y of the lens."""
+    turned = chips(RED, BLUE, rotate_z_deg=90.0, position_mm=(0.3, -2.0, 0.0))
+    spec = small_spec(source=turned.model_dump(), lens__material="PMMA")
     source = build_source(spec.source, spec.lens.dispersion, coloured=True)
     bundle = independent_rays(spec, source, 2**12, 5) if proof else source.sample(2**12, 5)
     assert bundle.wavelengths_nm is not None
-    for on_chip, spectrum in ((bundle.origins[:, 0] < 0.6, RED), (bundle.origins[:, 0] > 0.6, BLUE)):
+    across = bundle.origins[:, 1] + 2.0
+    for on_chip, spectrum in ((across < 0.6, RED), (across > 0.6, BLUE)):
         waves, sigma = bundle.wavelengths_nm[on_chip], spectrum.fwhm_nm / 2.3548
         assert waves.mean() == pytest.approx(spectrum.peak_nm, abs=4.0 * sigma / np.sqrt(on_chip.sum()))
         assert waves.std() == pytest.approx(sigma, rel=0.06)

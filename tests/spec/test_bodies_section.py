@@ -51,6 +51,25 @@ def test_a_spec_with_bodies_is_saved_and_read(tmp_path) -> None:
     assert again.bodies == spec.bodies and again.media == spec.media
 
 
+def test_a_facet_of_the_rms_slope_turns_light_by_the_angle_that_the_spec_gives_its_face() -> None:
+    """Each face by its indices before and behind it, by Snell's law: of the lens in water, and of a body there."""
+    before = {"inner": 1.1, "outer": 1.5}, {"inner": 1.33, "outer": 1.7}
+    behind = {"inner": 1.5, "outer": 1.33}, {"inner": 1.7, "outer": 1.33}
+    sigma_deg = {"inner": 2.0, "outer": 5.0}
+    rough = {name: {"scatter": {"kind": "gaussian", "sigma_deg": angle}} for name, angle in sigma_deg.items()}
+    shell = {name: COVER[name] | rough[name] for name in rough}
+    lens = {"cavity_index": 1.1, "outside_index": 1.33, "refractive_index": 1.5, **rough}
+    cover = {key: value for key, value in COVER.items() if key != "material"} | shell | {"refractive_index": 1.7}
+    media = spec_with(cover, lens=lens).media
+    (body,) = media.bodies
+    for scatter, first, second in zip((media.scatter, body.scatter), before, behind, strict=True):
+        for face in scatter:
+            tilt = np.arctan(face.model.slope)
+            turned = np.arcsin(first[face.face] / second[face.face] * np.sin(tilt)) - tilt
+            assert abs(turned) == pytest.approx(np.radians(sigma_deg[face.face]), rel=1e-12), face.face
+        assert [face.face for face in scatter] == ["inner", "outer"]
+
+
 @pytest.mark.parametrize(
     ("bodies", "message"),
     [

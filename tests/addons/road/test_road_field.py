@@ -389,7 +389,9 @@ def test_the_tables_have_the_published_lightness_and_gloss(name: str) -> None:
     assert round(surface.s1, 2) == _S1[name]
     assert surface.q0 == STANDARD_SURFACES[name]
     assert 1.0 < surface.integrated_q0() / surface.q0 < 1.03
-    assert RoadSurface.of(name, q0=0.05).integrated_q0() == pytest.approx(0.05 * surface.integrated_q0() / surface.q0)
+    scaled = RoadSurface.of(name, q0=0.05)
+    assert scaled.q0 == 0.05
+    assert scaled.integrated_q0() == pytest.approx(0.05 * surface.integrated_q0() / surface.q0)
     assert surface.reading(np.array([0.0]), np.array([12.1])).item() == 0.0
     smooth = np.log(surface.r[:15])  # a wrong digit stands out among its neighbours
     assert np.abs(np.diff(smooth[:, :3], 2, axis=0)).max() < 0.32
