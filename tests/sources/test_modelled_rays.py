@@ -131,6 +131,9 @@ def test_rays_keep_flux_stray_light_place_and_direction() -> None:
     assert np.array_equal(model.sample(2**10, 5).origins, model.sample(2**10, 5).origins)
     assert not np.array_equal(model.sample(2**10, 5).origins, model.sample(2**10, 6).origins)
     assert model.outline() is model.file.outline() and not is_round(model)
+    columns, rows = (int(count) for count in re.search(r"on (\d+) x (\d+) cells", model.description).groups())
+    width, height = model.radiance.surface.high - model.radiance.surface.low
+    assert columns / rows == pytest.approx(width / height, rel=0.15) and columns > 1.5 * rows
 
 
 def test_edges_stay_sharp() -> None:
@@ -280,9 +283,9 @@ def test_light_into_a_direction_adds_up_to_the_flux() -> None:
     np.testing.assert_allclose(rays.directions, away, atol=1e-3)
 
 
-def test_colours_are_those_of_the_place() -> None:
+def test_colours_are_those_of_the_place_and_of_the_stray_rays_themselves() -> None:
     rays = two_chips(20_000, 7)
-    nm = np.where(rays.origins[:, 0] > 0.0, 620.0, 450.0)
+    nm = np.where(rays.directions[:, 2] < 0.0, 530.0, np.where(rays.origins[:, 0] > 0.0, 620.0, 450.0))
     model = modelled(RaySetEmitter(rays.with_wavelengths(nm), 1.0), "auto")
     assert isinstance(model, ModelledRays)
     drawn = model.sample(2**14, 2)
@@ -290,6 +293,8 @@ def test_colours_are_those_of_the_place() -> None:
     lit = (drawn.directions[:, 2] > 0.0) & (np.abs(drawn.origins[:, 0]) > 0.35)
     right = np.where(drawn.origins[lit, 0] > 0.0, 620.0, 450.0)
     assert (drawn.wavelengths_nm[lit] == right).mean() > 0.99
+    backward = drawn.wavelengths_nm[drawn.directions[:, 2] < 0.0]
+    assert len(backward) > 100 and (backward == 530.0).all()
 
 
 def test_refits_tell_what_the_file_leaves_open() -> None:

@@ -2,7 +2,7 @@
 
 import json
 import re
-from math import pi, tan
+from math import cos, pi, sin, tan
 from pathlib import Path
 from typing import Any
 
@@ -221,6 +221,10 @@ REFUSED: dict[str, tuple[Any, str]] = {
         "holds several outlines, one of them at",
     ),
     "crossing": (lambda: cq.Workplane().polyline([(0, 0), (9, 9), (9, 0), (0, 7)]).close(), "crosses itself"),
+    "star": (  # around its middle twice: its area counts there twice
+        lambda: cq.Workplane().polyline([(9 * cos(0.8 * pi * k), 9 * sin(0.8 * pi * k)) for k in range(5)]).close(),
+        "crosses itself",
+    ),
     "upright": (lambda: cq.Workplane("XZ").rect(9, 9), "between z = -4.5 and 4.5 mm, must have one z"),
     "there and back": (lambda: cq.Workplane().polyline([(0, 0), (9, 0), (0, 0)]).wire(), r"\(0, 0\) mm has no area"),
     "tiny": (lambda: cq.Wire.makeCircle(1e-6, cq.Vector(), cq.Vector(0, 0, 1)), "has 0 edges of more than 1e-05 mm"),
