@@ -138,8 +138,11 @@ def test_the_hollows_of_the_meridian_count_alone() -> None:
     first = -1.5 * np.sin(6.0 * polar)
     second = -9.0 * np.cos(6.0 * polar)
     kappa = (rho**2 + 2.0 * first**2 - rho * second) / (rho**2 + first**2) ** 1.5
-    cutter = turned(grooved, AirSide.OUTSIDE, tool(0.1, 20.0))
-    assert cutter.largest_radius_mm == pytest.approx(-1.0 / kappa.min(), rel=2e-4)
+    face = turned_face(measured_face(exported(grooved, AirSide.OUTSIDE), 41), tool(0.1, 20.0), NOTHING)
+    assert face.tool.largest_radius_mm == pytest.approx(-1.0 / kappa.min(), rel=2e-4)
+    tightest = polar[kappa.argmin()]
+    place = rho[kappa.argmin()] * np.array([np.sin(tightest), 0.0, np.cos(tightest)])
+    np.testing.assert_allclose(face.worst_places()["nose"], place, atol=0.02)
 
 
 def test_what_stands_around_the_work_is_in_the_way_and_is_told_apart() -> None:

@@ -5,12 +5,13 @@ import pytest
 import torch
 from nightly import first_by_day
 from scenes import small_spec
+from scipy.interpolate import BSpline
 
 from lensforge.kernels.bicubic import refine, refine_adjoint
 from lensforge.search.parameters import SphereParameters
 from lensforge.surfaces.asphere import sphere
-from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, table_error, tabulate
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
+from lensforge.surfaces.bicubic_table import BasisTables, TableGrid, dyadic_grid, evaluate_table, table_error, tabulate
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
 
 LEVELS = [9, 25, 81, 289]
 
@@ -91,6 +92,20 @@ def test_the_gradient_is_that_of_a_linear_map() -> None:
     other = torch.flip(weights.detach(), [0])
     change = product(other, offsets.detach()) - value.detach()
     assert torch.sum(by_weights * (other - weights.detach())).item() == pytest.approx(change.item(), rel=1e-10)
+
+
+def test_a_table_is_its_cubic_spline_up_to_the_rim_of_the_coarsest_grid() -> None:
+    """The splines are those of scipy; its outermost cells reach from 0.93 of the chart to 1.02 of it."""
+    grid = TableGrid(24)
+    table = np.random.default_rng(5).normal(size=(grid.side, grid.side))
+    turns = np.linspace(0.0, 2.0 * np.pi, 65)
+    rim = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(65)])
+    directions = np.concatenate([rim, fibonacci_hemisphere(500)])
+    knots = grid.origin + grid.step * (np.arange(grid.side + 4) - 2.0)
+    places = directions[:, :2] / (1.0 + directions[:, 2:])
+    along, across = (BSpline.design_matrix(column, knots, 3).toarray() for column in places.T)
+    wanted = np.sum((along @ table) * across, axis=1)
+    np.testing.assert_allclose(evaluate_table(grid, table, directions), wanted, atol=1e-12)
 
 
 def test_a_refined_table_is_the_same_spline() -> None:

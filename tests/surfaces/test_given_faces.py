@@ -20,7 +20,7 @@ from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.cad_sampling import FaceCast
 from lensforge.surfaces.chart_spline import ChartSpline
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface, to_chart
+from lensforge.surfaces.surface import Surface, surface_record, to_chart
 
 RADIUS = 3.0
 CENTRE = 0.4
@@ -100,6 +100,17 @@ def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
     (tmp_path / "lens.json").write_text(changed, encoding="utf-8")
     with pytest.raises(InputError, match=r"lens\.json: .*name the folder of a result, or its lens\.json"):
         FixedLensFace(file=tmp_path, face="inner").resolved()
+
+
+@pytest.mark.parametrize(("nm", "urad"), [(1.0, 20.0), (1.2, 3.0), (0.2, 25.0)])
+def test_a_face_that_is_met_worse_than_an_exported_one_says_so_by_either_error(nm: float, urad: float) -> None:
+    face = GivenSurface(
+        origin="cap.stp", face=surface_record(sphere(3.0)), unit="inches", form_error_nm=nm, normal_error_urad=urad
+    )
+    unit, *further = face.warnings
+    assert unit == "cap.stp: in inches, converted to mm"
+    assert len(further) == (nm > 1.0 or urad > 20.0)
+    assert all(warning.startswith(f"cap.stp: met to {nm:g} nm and {urad:g} µrad; ") for warning in further)
 
 
 @pytest.mark.nightly("five seconds; by day a base in inches")

@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import io
 import json
+import math
 import shutil
 import socket
 import time
@@ -18,6 +19,7 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.addons.studio.connections import MOST_STRANGERS
 from lensforge.addons.studio.dropped_files import DroppedFile
+from lensforge.addons.studio.page_json import json_text
 from lensforge.results.folder_lock import locked
 
 Asked = tuple[int, dict[str, str], bytes]
@@ -193,6 +195,12 @@ def test_a_picture_is_as_wide_and_as_far_as_the_target_in_whose_place_it_comes(
     file = tmp_path / "logo.png"
     table = DroppedFile(file, file, "", ("target",)).table("target", before)
     assert table == {"kind": "image", "file": str(file), "width_mm": width_mm, "distance_mm": distance_mm}
+
+
+def test_numbers_that_a_browser_does_not_read_are_text_in_lists_and_tuples_and_tables_alike() -> None:
+    inner = (math.nan, [math.inf, {"deep": (-math.inf, 2**53)}], 2**53 - 1, True, None)
+    wanted = ["nan", ["inf", {"deep": ["-inf", str(2**53)]}], 2**53 - 1, True, None]
+    assert json.loads(json_text({"all": inner, 3: [inner]})) == {"all": wanted, "3": [wanted]}
 
 
 NUMBERS = {"nan": "nan", "inf": "inf", "-inf": "-inf", "1e999": "inf", "0x" + "f" * 5000: "0x" + "f" * 5000}
