@@ -125,6 +125,22 @@ def test_the_error_of_a_change_is_that_of_what_both_lenses_do_not_share() -> Non
     assert before.change_from(scattered).uniformity is None and before.change_from(scattered).rsd is None
 
 
+def test_each_figure_changes_from_the_designed_value_of_its_own() -> None:
+    """By few rays both clip: the uniformity rises by 0.3 from 0.9 to 1, the RSD by squares falls from 0.6 to 0."""
+    apart = np.diag(np.full(4, 1e-6))
+
+    def light(least: float, square: float) -> ReplicateMetrics:
+        rsd = RootEstimate(square**0.5, apart, PairEstimate(square, apart))
+        return ReplicateMetrics(PairEstimate(0.1, apart), ExtremeEstimate(least), rsd, np.full(4, 0.5))
+
+    before = light(0.4, 0.5)
+    after = light(0.7, 0.1)
+    change = after.change_from(before, designed_rsd=0.6, designed_uniformity=0.9)
+    assert change.uniformity.value == pytest.approx(0.1) and change.rsd.value == pytest.approx(-0.6)
+    unknown = after.change_from(before)
+    assert unknown.uniformity.value == pytest.approx(0.3) and unknown.rsd.value == pytest.approx(0.1**0.5 - 0.5**0.5)
+
+
 def test_changes_by_common_rays_scatter_by_what_is_stated_however_noisy_both_lights_are() -> None:
     """The noise of either is 4,000 times that of the change, of which there are 16 replicates."""
     chance = np.random.default_rng(2)
