@@ -22,7 +22,7 @@ from lensforge.scene.housing import Housing
 from lensforge.scene.housing_mesh import mesh_of
 from lensforge.scene.pixel_grid import bin_flux, splat_flux
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.spec.housing_sections import HousingSection
+from lensforge.spec.housing_sections import HousingBox, HousingSection
 from lensforge.spec.light_limits import BodyLimit
 
 POINT = np.array([1.0, -2.0, 0.5])  # from which ``from_point`` sends 1 W evenly into a hemisphere
@@ -32,9 +32,9 @@ TUBE_BEHIND = TUBE.changed(centre_mm=(-9.0, 12.0, 44.0), patch_mm=4.0)
 IRRADIANCE = {"kind": "body", "unit": "w_per_m2", "at_least": 1.0}
 
 
-def seen_sr(corners: np.ndarray) -> np.ndarray:
-    """Solid angles of triangles as the point sees them (van Oosterom and Strackee), below 0 from within."""
-    a, b, c = np.moveaxis(corners - POINT, 1, 0)
+def seen_sr(corners: np.ndarray, point: np.ndarray = POINT) -> np.ndarray:
+    """Solid angles of triangles as a point sees them (van Oosterom and Strackee), below 0 from within."""
+    a, b, c = np.moveaxis(corners - point, 1, 0)
     la, lb, lc = (np.linalg.norm(vectors, axis=1) for vectors in (a, b, c))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
     sums = la * lb * lc + lc * np.einsum("ij,ij->i", a, b) + la * np.einsum("ij,ij->i", b, c)
@@ -158,7 +158,8 @@ def cast_of(rays: Any) -> tuple[RayBundle, Passage]:
 
 def patched(body: HousingSection, other: HousingSection, irradiance: np.ndarray) -> PatchedBody:
     def obstacle(section: HousingSection, mesh: Any) -> ObstacleBody:
-        return ObstacleBody(*mesh, section.rotate_z_deg, section.tilt_deg, section.centre_mm)
+        placed = *mesh, section.rotate_z_deg, section.tilt_deg, section.centre_mm
+        return ObstacleBody(*placed, section.reflectance or 0.0, section.surface == "diffuse")
 
     patches = BodyPatches.of(body)
     pieces = patches.corners.reshape(-1, 3), np.arange(patches.corners.size // 3).reshape(-1, 3)
@@ -189,6 +190,28 @@ def test_the_proof_finds_the_light_of_each_patch_by_its_own_walk() -> None:
     without = patched(TUBE_BEHIND, BOX.changed(centre_mm=(0.0, 0.0, 900.0)), many)
     failed = list(criteria_in(None, without.judge(*cast_of(from_point(2**14, seed=9)))))
     assert state_of(failed, "body_mean_apart") == "fail", "the body before it decides"
+
+
+def test_light_by_a_mirror_comes_from_the_image_of_its_source_in_the_design_and_in_the_proof() -> None:
+    """A box whose sides towards the wall x = -40 mm are lit by that alone, by 0.6 of the light of the image."""
+    wall = HousingBox(
+        name="wall", size_mm=(2.0, 4000.0, 4000.0), centre_mm=(-41.0, 0.0, 2000.5), surface="mirror", reflectance=0.6
+    )
+    view = BodyView.of(MEASURED)
+    image = POINT * (-1.0, 1.0, 1.0) - (80.0, 0.0, 0.0)
+    corners = view.pose.points(view.patches.corners)
+    direct, mirrored = (
+        np.bincount(view.patches.numbers, W_PER_SR * np.maximum(seen_sr(corners, point), 0.0))
+        for point in (POINT, image)
+    )
+    rays = from_point(2**18)
+    flux = flux_on(replace(view, housing=Housing.of([wall])), rays)
+    only = (direct == 0.0) & (mirrored > 0.0)
+    share = mirrored[only].sum()
+    assert only.sum() > 20 and flux[only].sum() == pytest.approx(0.6 * share, rel=4.0 / np.sqrt(share * len(rays.flux)))
+    assert flux.sum() == pytest.approx(direct.sum() + 0.6 * mirrored.sum(), rel=0.01)
+    same = patched(MEASURED, wall, flux / (1e-6 * view.patches.areas_mm2)).judge(*cast_of(rays))
+    assert same.mean.value == pytest.approx(same.mean_design, rel=1e-12) and same.apart < 1e-20
 
 
 def test_the_error_of_the_mean_is_that_of_the_share_of_the_rays_that_land() -> None:
