@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,12 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 from picture_files import bmp, png
+from scenes import small_spec
 
 import lensforge as lf
 from lensforge.cad.mesh import BodyMesh
 from lensforge.cad.mesh_files import threemf_bytes
+from lensforge.cad.step import require_schema
 from lensforge.errors import InputError
+from lensforge.optics.glass_catalogue import _formula
 from lensforge.optics.image_reading import read_light
+from lensforge.report.compare import folder_names
 from lensforge.report.variation import _value, variation_of
 from lensforge.results.file_bounds import read_3mf
 from lensforge.results.files import read_file
@@ -25,7 +30,9 @@ from lensforge.results.text_table import TextTable
 from lensforge.scene.target_light import read_table
 from lensforge.sources import light_files
 from lensforge.sources.photometric.photometric_io import read_photometric
-from lensforge.sources.rayfiles.ray_file_io import read_rayfile
+from lensforge.sources.ray_bundle import RayBundle
+from lensforge.sources.rayfiles.ray_file_io import read_rayfile, write_rayfile
+from lensforge.spec.new_spec import target_in
 from lensforge.spec.spec_files import read_toml
 from lensforge.spec.tolerances_section import read_tolerances
 
@@ -193,3 +200,38 @@ def test_a_field_that_varies_is_one_of_the_spec_and_not_scaled_by_itself() -> No
     with pytest.raises(InputError, match=r"^source.side_mm: this is the field that varies; name others to be scaled$"):
         variation_of("source.side_mm", [1.0, 2.0], ["lens.inner.offset_mm", "source.side_mm"])
     assert variation_of("source.side_mm", [2.0, 1.0, 2.0]).values == (1.0, 2.0)
+
+
+def glass_of(words: str) -> Any:
+    return _formula(2, tuple(map(float, words.split())), Path("c.agf"), "GLASS-A")
+
+
+WITHOUT_WAVES = RayBundle(np.zeros((2, 3)), np.tile([0.0, 0.0, 1.0], (2, 1)), np.ones(2))
+REFUSED: dict[str, Callable[[], Any]] = {
+    "schema = 'AP999': one of AP214, AP242": lambda: require_schema("AP999"),
+    "report: the same folder is given twice; give each design once": (
+        lambda: folder_names([EXAMPLES, EXAMPLES.parent / "docs", EXAMPLES / "."])
+    ),
+    "format 'zemax': one of ": lambda: write_rayfile(Path("rays.dat"), read_rayfile(EXAMPLES / "led.tm25ray"), "zemax"),
+    'lens.levels = "auto": a search chooses them; ask its lens, or give numbers': lambda: lf.LensSection().basis,
+    "optimise.rays goes with numbers in lens.levels; leave it out, or give levels": (
+        lambda: small_spec(lens__levels="auto", optimise={"rays": 4096})
+    ),
+    "RaySource: rays is given twice, without its name and with it; leave out one": (
+        lambda: lf.RaySource(np.ones((3, 7)), rays=np.ones((3, 7)))
+    ),
+    "--target heart:9x9@9: not understood; give ": lambda: target_in("heart:9x9@9"),
+    "c.agf: GLASS-A has 7 coefficients in its line CD, formula 2 has 6: is one cut in two? Export the ": (
+        lambda: glass_of("1 0.1 0.2 0.01 1 100 7")
+    ),
+    "wavelengths_nm: 1 of 2 bundles of rays have them; all must, or none": (
+        lambda: RayBundle.joined([WITHOUT_WAVES, WITHOUT_WAVES.with_wavelengths(np.array([450.0, 620.0]))])
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("sentence", REFUSED)
+def test_what_a_call_cannot_take_is_refused_by_its_sentence(sentence: str) -> None:
+    with pytest.raises((InputError, ValueError), match=re.escape(sentence)) as caught:
+        REFUSED[sentence]()
+    assert "\n" not in str(caught.value)
