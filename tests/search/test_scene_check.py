@@ -163,13 +163,20 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
 
 
 def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name() -> None:
-    """A Lambertian square of 1 mm and 1 W: at most L pi R^2 in any direction, times what two faces transmit."""
-    target = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
+    """A Lambertian square of 1 mm and 1 W: at most L pi R^2 in any direction, times what two faces transmit.
+
+    The limit is on the second of two receivers.
+    """
+    wall = {"kind": "plane", "name": "wall", "centre_mm": [0.0, 0.0, 200.0], "width_mm": 90.0, "height_mm": 90.0}
+    sky = {"kind": "far_field", "name": "sky", "half_angle_deg": 60.0}
+    discs = [{"kind": "disc", "diameter_mm": 60.0}], [{"kind": "disc", "diameter_deg": 30.0}]
+    receivers = [{**wall, "targets": discs[0]}, {**sky, "targets": discs[1]}]
     transmitted = normal_transmittance(1.4936) ** 2
 
     def asking(intensity: float) -> SceneCheck:
         limit = {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "unit": "w_per_sr", "at_least": intensity}
-        return check(small_spec(target=target).replace({"limits": [limit], "evaluate.pixels": 32}))
+        limits = [{**limit, "receiver": "sky"}]
+        return check(small_spec(target=None, receivers=receivers).replace({"limits": limits, "evaluate.pixels": 32}))
 
     radius_mm = small_spec().constraints.max_radius_mm
     most = transmitted * radius_mm**2 / 1.0
