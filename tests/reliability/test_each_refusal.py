@@ -15,14 +15,14 @@ from scenes import small_spec
 
 import lensforge as lf
 from lensforge.cad.mesh import BodyMesh
-from lensforge.cad.mesh_files import threemf_bytes
+from lensforge.cad.mesh_files import stl_bytes, threemf_bytes
 from lensforge.cad.step import require_schema
 from lensforge.errors import InputError
 from lensforge.optics.glass_catalogue import _formula
 from lensforge.optics.image_reading import read_light
 from lensforge.report.compare import folder_names
 from lensforge.report.variation import _value, variation_of
-from lensforge.results.file_bounds import read_3mf
+from lensforge.results.file_bounds import read_3mf, stl_corners
 from lensforge.results.files import read_file
 from lensforge.results.json_npz import arrays_in, parse_json
 from lensforge.results.table_names import Column
@@ -98,13 +98,14 @@ def zipped(content: bytes, old: bytes, new: bytes) -> bytes:
     return changed.getvalue()
 
 
-def pyramid() -> bytes:
+def pyramid() -> BodyMesh:
     vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    return threemf_bytes(BodyMesh(vertices, triangles, np.zeros(4, dtype=np.int64), ("BODY",), 1), "pyramid")
+    return BodyMesh(vertices, triangles, np.zeros(4, dtype=np.int64), ("BODY",), 1)
 
 
-THREEMF = pyramid()
+PYRAMID = pyramid()
+THREEMF = threemf_bytes(PYRAMID, "pyramid")
 ROWS: dict[str, tuple[Callable[[Path], Any], bytes, dict[bytes, str]]] = {
     "lamp.ldt": (read_photometric, eulumdat(), {
         eulumdat(29): "truncated: 29 lines, the header alone has 32",
@@ -228,6 +229,13 @@ REFUSED: dict[str, Callable[[], Any]] = {
         lambda: RayBundle.joined([WITHOUT_WAVES, WITHOUT_WAVES.with_wavelengths(np.array([450.0, 620.0]))])
     ),
 }  # fmt: skip
+
+
+def test_as_many_triangles_are_read_as_may_be_and_not_one_more() -> None:
+    content = stl_bytes(PYRAMID)
+    assert len(stl_corners(content, "part.stl", "export it again", 4)) == 4
+    with pytest.raises(InputError, match=r"^part.stl: 4 triangles, at most 3 are read; export it again$"):
+        stl_corners(content, "part.stl", "export it again", 3)
 
 
 @pytest.mark.parametrize("sentence", REFUSED)

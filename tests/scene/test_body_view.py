@@ -10,6 +10,7 @@ from scenes import small_spec
 from test_housing import BOX, SIZE, TUBE, from_point, in_box, in_tube
 
 from lensforge.errors import InputError
+from lensforge.light.irradiated_body import IrradiatedBody
 from lensforge.proof.obstacles import ObstacleBody
 from lensforge.proof.patched_body import PatchedBody
 from lensforge.proof.sequential_cast import CastFate, Passage
@@ -65,6 +66,20 @@ def test_a_box_has_the_solid_angles_of_its_lit_faces_and_three_dark_ones() -> No
     errors = np.sqrt(exact[lit] / count)
     assert (np.abs(flux[lit] - exact[lit]) < 5.0 * errors).all()
     assert np.mean(((flux[lit] - exact[lit]) / errors) ** 2) == pytest.approx(1.0, abs=0.4)
+
+
+@pytest.mark.parametrize(("axis", "lit_mm2"), [(0, 16.0 * 9.0), (2, 30.0 * 16.0)])
+def test_the_dark_share_of_a_body_is_that_of_its_area(axis: int, lit_mm2: float) -> None:
+    """Of a box with light on one face alone, whose patches are larger or smaller than those of the others."""
+    view = BodyView.of(MEASURED)
+    on_face = np.where(view.patches.normals[:, axis] > 0.9, 1e-3, 0.0)
+    body = IrradiatedBody.of(view, np.stack([on_face, 3.0 * on_face]))
+    whole_mm2 = 2.0 * (30 * 16 + 16 * 9 + 9 * 30)
+    assert body.area_mm2 == pytest.approx(whole_mm2)
+    assert body.dark == pytest.approx(1.0 - lit_mm2 / whole_mm2, rel=1e-12)
+    assert body.mean.value == pytest.approx(2.0 * on_face.sum() / (1e-6 * whole_mm2))
+    least = view.pose.to_local_points(np.array([body.least_mm]))[0]
+    assert body.least.value == 0.0 and least[axis] < 0.49 * SIZE[axis]
 
 
 def test_a_tube_is_dark_in_its_own_shadow_and_in_that_of_another_body() -> None:

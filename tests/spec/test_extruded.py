@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from scenes import small_spec
 
@@ -48,6 +49,10 @@ def test_it_is_refused_in_a_line(changes: dict[str, Any], line: str) -> None:
     assert line in str(refused.value) and "\n" not in str(refused.value)
 
 
-def test_a_profile_that_meets_itself_is_refused() -> None:
+@pytest.mark.parametrize("low", [slice(0, 1), slice(3, 6), slice(8, 9)], ids=["first", "middle", "last"])
+def test_a_profile_that_meets_itself_is_refused(low: slice) -> None:
+    coefficients = np.full(9, 0.2)
+    DrawnFace(10.0, tuple(coefficients.tolist()))
+    coefficients[low] = -40.0 if low.stop != 6 else -0.3
     with pytest.raises(lf.InputError, match="meets itself"):
-        DrawnFace(10.0, (0.2, 0.2, 0.2, -0.3, -0.3, -0.3, 0.2, 0.2, 0.2))
+        DrawnFace(10.0, tuple(coefficients.tolist()))

@@ -60,6 +60,7 @@ def test_ray_files_hold_the_rays_of_the_table(files):
         np.testing.assert_allclose(read.positions_mm, table[:, :3], atol=1e-6)
         np.testing.assert_allclose(read.directions, table[:, 3:], atol=1e-6)
         assert np.ptp(read.flux) < 1e-6 * np.mean(read.flux)
+        assert read.header_flux_w in (None, pytest.approx(json.loads(files["kit.json"])["source_w"], rel=1e-6))
 
 
 def test_the_mesh_is_the_part_with_its_normals(small_run, files):
