@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import small_spec
 
 from lensforge.light.angular_grid import AngularGrid, FittedIntensity, Rival
 from lensforge.light.photometry_result import CandelaTables, Direction
+from lensforge.light.plane_figures import PlaneFigures
+from lensforge.results import Metric
 from lensforge.results.estimates import ExtremeEstimate
 from lensforge.sources.intensity import TabulatedIntensity
 
@@ -34,6 +37,24 @@ def width(level_cd, scale=1.0):
 
 def by_halves(first, second, third, fourth):
     return 0.5 * np.sqrt(((first - second) ** 2 + (third - fourth) ** 2) / 2.0)
+
+
+@pytest.mark.parametrize(
+    ("receiver", "limit", "judged"),
+    [
+        ({}, {}, True),
+        ({"rotation_deg": 30.0}, {}, False),  # its azimuths are no planes C
+        ({"axis": [0.0, 0.1, 1.0]}, {}, False),
+        ({}, {"azimuth_deg": 180.0}, False),
+        ({}, {"level": 0.3}, False),
+    ],
+)
+def test_a_limit_judges_the_beam_angle_of_its_plane_alone(receiver, limit, judged):
+    far = {"kind": "far_field", "half_angle_deg": 60.0, "targets": [{"kind": "disc", "diameter_deg": 30.0}]}
+    asked = {"kind": "beam_angle", "at_most_deg": 40.0, "azimuth_deg": 270.0}
+    spec = small_spec(target=None, receivers=[far | receiver], limits=[asked | limit])
+    plane = PlaneFigures(c_deg=90.0, peak_cd=Metric(value=1.0), beam_angle_deg=None, field_angle_deg=None)
+    assert plane.is_judged(spec) == judged and not plane.changed(c_deg=45.0).is_judged(spec)
 
 
 def test_the_error_of_a_figure_is_that_of_the_rays():

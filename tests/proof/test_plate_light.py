@@ -210,6 +210,16 @@ def test_the_faces_of_a_place_are_sorted_by_those_of_its_kind() -> None:
     assert numbers.tolist() == [1, 2, 0] and apart.max() < 1e-2
 
 
+def test_the_distance_from_a_face_is_measured_across_it() -> None:
+    """Half of what it is along the ray from the origin where the normal is 60 degrees from that."""
+    radii = np.reshape((1.0, 3.0, 5.0), (3, 1, 1))
+    faces = OpticalFaces(("inner", "lower", "upper"), (False, True, True), 3, np.tile(1.0 / radii, (1, 9, 9)))
+    points = np.array([[0.0, 0.0, 3.2], [0.0, 0.0, 4.5]])
+    normals = np.tile([0.0, np.sin(np.pi / 3.0), np.cos(np.pi / 3.0)], (2, 1))
+    numbers, apart = faces.sorted(points, normals)
+    assert numbers.tolist() == [1, 2] and apart == pytest.approx([0.1, 0.25], rel=1e-9)
+
+
 def test_the_part_makes_the_light_of_an_endless_lattice() -> None:
     """Two lamps in a period, against the design's sum; one lamp alone makes another pattern."""
     period = (20.0, 20.0 * 3.0**0.5)

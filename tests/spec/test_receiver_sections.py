@@ -200,6 +200,19 @@ def test_a_receiver_that_cannot_be_is_one_line(receiver: Table, message: str) ->
     _require_one_line(_content([receiver]), message, "spec.toml: receivers")
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"centre_mm": [0.0, 0.0, 5.0]}, "receivers.centre_mm: distance of the plane = 5 is inside the lens"),
+        ({"centre_mm": [0.0, 0.0, -100.0]}, "lies behind the source"),
+        ({"targets": [{**DISC, "diameter_mm": 160.0}]}, "is off the receiver, which reaches 100 in x and 75 in y"),
+    ],
+)
+def test_the_second_of_two_receivers_must_fit_the_lens_and_its_target_too(change: Table, message: str) -> None:
+    first, second = ({**_on(PLANE, DISC), "name": name} for name in ("first", "second"))
+    _require_one_line(_content([first, {**second, **change}]), message)
+
+
 BAD_TARGETS: list[tuple[Table, Table, str]] = [
     (PLANE, {**DISC, "centre_mm": [101.0, 0.0]}, "centre_mm = (101, 0) is off the receiver, which reaches 100 in x"),
     (FAR, {"kind": "disc", "diameter_deg": 9.0, "centre_deg": [0.0, 61.0]}, "centre_deg = (0, 61) is off the receiver"),
