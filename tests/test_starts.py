@@ -46,9 +46,13 @@ def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
 
 
 def test_limits_that_a_start_misses_with_the_second_led_count():
-    """Of two LEDs the second has a quarter of the light, and is too dim in the middle."""
-    leds = [{"name": n, "source": {"kind": "square", "side_mm": 1.0, "flux_w": w}} for n, w in (("a", 2.0), ("b", 0.5))]
-    limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "w_per_m2", "at_least": 30.0}
+    """Of two LEDs the second has a quarter of the lumens, by half the flux and half the efficacy: it is too dim."""
+    square = {"kind": "square", "side_mm": 1.0}
+    leds = [
+        {"name": name, "source": {**square, "flux_w": flux_w, "luminous_efficacy_lm_per_w": efficacy}}
+        for name, flux_w, efficacy in (("a", 2.0, 100.0), ("b", 1.0, 50.0))
+    ]
+    limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "unit": "lx", "at_least": 3000.0}
     spec = small_spec(source=None, sources=leds, target__uniform_mm=None, limits=[limit])
     result, start = SeededSearch(spec, FEW, (), None, 7).made(0)
     states = [limit.state for light in light_by_other_rays(result.lens, 7) for limit in light.limits]

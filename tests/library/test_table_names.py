@@ -73,6 +73,7 @@ def test_a_unit_of_each_kind_is_known_by_its_spellings(column, cell, factor):
         ("# THz dB\n450 0.1", "line 1: no column wavelength_nm; found 'THz', 'dB'"),
         ("# lambda transmittance\n450 0.1", "no column reflectance"),
         ("lambda R T\n450 0.1", "line 1: 3 names for 2 columns: 'lambda', 'R', 'T'"),
+        ("made,today\nhue,chroma\n450,0.1", "line 2: names not known: 'hue', 'chroma'; must be wavelength_nm, reflec"),
     ],
 )
 def test_what_is_not_wanted_is_not_taken_for_it(content, message):
@@ -117,7 +118,7 @@ def written(folder, content, name="t.csv"):
     [
         ("transmittance", -log(0.9)), ("transmittance_10mm", -log(0.9) / 10), ("T (25 mm)", -log(0.9) / 25),
         ("internal transmittance over 1 cm", -log(0.9) / 10), ("tau_5mm_%", -log(0.009) / 5),
-        ("%T 10mm", -log(0.009) / 10),
+        ("%T 10mm", -log(0.009) / 10), ("TAU_I 1 CM", -log(0.9) / 10), ("T_25MM", -log(0.9) / 25),
         ("absorption_per_mm", 0.9), ("alpha (1/cm)", 0.09), ("absorption coefficient / m^-1", 0.9e-3),
         ("k", 4.0 * pi * 0.9 / 450e-6),
     ],

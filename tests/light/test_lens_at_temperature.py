@@ -128,6 +128,17 @@ def test_a_fixed_face_expands_too() -> None:
             400.0,
             r"would be 0\.92, must be 1 to",
         ),
+        (  # at 564 nm it would be 1.0005, at the red end of its dispersion less than 1
+            {
+                "lens__index_per_k": -1e-3,
+                "lens__expansion_per_k": 0.0,
+                "lens__refractive_index": 1.3,
+                "lens__abbe_number": 20.0,
+                "lens__reference_temperature_c": 20.0,
+            },
+            319.5,
+            r"would be 0\.9\d+, must be 1 to",
+        ),
     ],
 )
 def test_what_is_not_known_is_refused(changes: dict[str, float], celsius: float, message: str) -> None:

@@ -82,17 +82,6 @@ def test_a_file_of_refractiveindex_info_has_its_index_and_its_absorption(tmp_pat
     assert material.absorption.per_mm[0] == pytest.approx(4 * pi * 1e-7 / 400e-6)
 
 
-@pytest.mark.parametrize(
-    ("title", "thickness_mm"),
-    [("T", 1.0), ("T (10 mm)", 10.0), ("Transmittance over 2.5 mm", 2.5), ("tau_i 1 CM", 10.0), ("T_25MM", 25.0),
-     ("internal transmittance (0.5 cm)", 5.0)],
-)  # fmt: skip
-def test_the_transmittance_of_a_table_is_over_the_thickness_in_its_title(title, thickness_mm, tmp_path):
-    material = read_material(written(tmp_path, "t.csv", f"nm,n,{title}\n400,1.52,0.9\n700,1.50,0.8\n"), None)
-    through = np.exp(-thickness_mm * np.array(material.absorption.per_mm))
-    np.testing.assert_allclose(through, [0.9, 0.8], rtol=1e-12)
-
-
 def test_the_same_file_by_another_program(tmp_path):
     pytest.importorskip("optiland")
     from optiland.materials import MaterialFile

@@ -248,12 +248,16 @@ def test_a_die_is_cut_by_a_wire_that_fits_all_convex_places(results: Results) ->
     dx, dz = np.gradient(x), np.gradient(z)
     curvature = (np.gradient(dx) * dz - dx * np.gradient(dz)) / np.hypot(dx, dz) ** 3
     tightest_mm = 1.0 / np.abs(curvature[5:-5]).max()
-    for factor, holds in ((0.999, True), (1.001, False)):
-        wire = {"manufacture.wire_radius_mm": factor * tightest_mm}
+    advised_mm = [0.999 * tightest_mm]
+    for factor, holds in ((None, True), (1.001, False), (1.4, False), (None, True)):
+        radius_mm = advised_mm[-1] if factor is None else factor * tightest_mm
+        wire = {"manufacture.wire_radius_mm": radius_mm}
         check = check_lens(lf.Lens(FACES, results.lens.spec.replace(wire), 0, "draft"))
         judged = finding(check, "wire", "outer")
         assert judged.holds == holds and judged.limit == pytest.approx(tightest_mm, rel=2e-4)
-        assert judged.remedy.startswith("manufacture.wire_radius_mm = 6.2") != holds
+        if not holds:
+            advised_mm.append(float(judged.remedy.removeprefix("manufacture.wire_radius_mm = ")))
+            assert advised_mm[-1] == pytest.approx(tightest_mm, rel=0.01)
         assert finding(check, "wire", "inner").holds and finding(check, "wire", "inner").limit is None
         assert [verdict for verdict in check.verdicts if verdict.key in ("cutter", "tilt", "relief", "even")] == []
 

@@ -49,6 +49,17 @@ def test_it_is_refused_in_a_line(changes: dict[str, Any], line: str) -> None:
     assert line in str(refused.value) and "\n" not in str(refused.value)
 
 
+def test_the_extent_of_a_half_cylinder_reaches_its_corners() -> None:
+    """A half cylinder of radius R and length 50 mm holds the lens; a plane sees as much of it as its normal does."""
+    spec = small_spec(**ALONE)
+    radius_mm = spec.constraints.max_radius_mm
+    corner_mm = float(np.hypot(radius_mm, 25.0))
+    assert spec.lens.extent_mm(spec.constraints) == pytest.approx(corner_mm, rel=1e-12)
+    for rise, widest_mm in ((1.0, 1.001 * radius_mm), (0.0, 1.001 * corner_mm), (0.6, 0.8 * corner_mm + radius_mm)):
+        extent_mm = spec.lens.extent_mm(spec.constraints, rise)
+        assert rise * radius_mm + np.sqrt(1.0 - rise**2) * 25.0 <= extent_mm <= widest_mm
+
+
 @pytest.mark.parametrize("low", [slice(0, 1), slice(3, 6), slice(8, 9)], ids=["first", "middle", "last"])
 def test_a_profile_that_meets_itself_is_refused(low: slice) -> None:
     coefficients = np.full(9, 0.2)

@@ -101,6 +101,7 @@ def test_ply_is_read_by_its_header(layout: str, tmp_path: Path) -> None:
     (header("ascii", "element vertex 150", "property float x", "property float y"), "its PLY header must state"),
     (header("ascii", "element face 1", "property list uchar int v", "element vertex 9", *ORDER), "header must state"),
     (header("ascii_2", "element vertex 150", *ORDER), "its PLY header must state"),
+    (header("ascii", "element vertex 150", *ORDER, "property float x"), "its PLY header must state"),
     (header("ascii", "element vertex 150", *ORDER) + b"1 2 3 4\n" * 149, "149 lines of vertices, its header states"),
     (header("ascii", "element vertex 150", *ORDER) + b"1 2 x 4\n" * 150, "its vertices are no rows of numbers"),
     (header("ascii", "element vertex 150", *ORDER) + b"1 2 nan 4\n" * 150, "point 1 lies at"),
