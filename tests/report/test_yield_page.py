@@ -289,6 +289,21 @@ def test_the_page_shows_each_led_and_the_worst_parts_by_the_one_that_decides(len
     assert tops == 2 * [light_unit(150.0, far_field=False)]
 
 
+def test_each_of_the_worst_parts_has_its_own_led_verdict_figures_and_picture(lens):
+    record = make_yield(lens)
+    (worst,) = record.worst
+    other = worst.changed(part=7, metrics={**worst.metrics, "nmse": 0.01234}, passes=True)
+    pictures = np.stack([np.ones((4, 4)), np.full((4, 4), 2.0)])
+    study = record.model_copy(update={"worst": (worst, other), "worst_leds": ("near", "far"), "worst_maps": pictures})
+    (led, title, caption, image), (second_led, second_title, second_caption, second_image) = yield_section._worst_maps(
+        study
+    )
+    assert (led, title) == ("near", f"Part {worst.part}, near: fails") and image[0, 0] == 1.0
+    assert (second_led, second_title) == ("far", "Part 7, far: passes") and second_image[0, 0] == 2.0
+    assert "0.0123" in second_caption and "0.0123" not in caption
+    assert "limit" in caption and "limit" not in second_caption
+
+
 def test_the_tolerance_with_the_largest_effect_comes_first_either_way():
     (row,) = make_sensitivity().rows
     rows = []
