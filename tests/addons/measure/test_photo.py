@@ -5,9 +5,11 @@ import pytest
 from photo_scenes import homography
 from picture_files import exif, png, tiff, with_tag
 from PIL import Image
+from scenes import small_spec
 from scipy.ndimage import gaussian_filter
 
 from lensforge.addons.measure.image_similarity import fit_similarity, normalised
+from lensforge.addons.measure.inference import Shots, _rectified
 from lensforge.addons.measure.measurement_result import central_line
 from lensforge.addons.measure.photo_comparison import (
     Shot,
@@ -21,6 +23,7 @@ from lensforge.addons.measure.photo_comparison import (
 )
 from lensforge.errors import InputError
 from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.receiver_shapes import receivers_of
 
 SIDE, PIXELS = 200.0, 64
 SQUARE = SIDE, SIDE
@@ -301,6 +304,25 @@ def test_the_dark_photograph_is_turned_where_both_are_compared_with_the_light(tm
     seen, located = _picture(shot, PixelGrid.square(SIDE, 16), np.ones((16, 16)))
     assert located is None
     np.testing.assert_allclose(seen.light, 1.0, atol=1e-12)
+    (tmp_path / "next.png").write_bytes(png(room + 120))
+    shots = Shots((tmp_path / "on.png", tmp_path / "next.png"), np.zeros((2, 3)), tmp_path / "off.png", corners, 1.0)
+    (receiver,) = receivers_of(small_spec(target__width_mm=SIDE, target__receiver_mm=SIDE, target__uniform_mm=None), 16)
+    rectified = _rectified(shots, receiver, np.random.default_rng(3).uniform(0.9, 1.1, (2, 16, 16)))
+    np.testing.assert_allclose(rectified.light, 1.0, atol=1e-12)
+    assert rectified.clipped == 0.0 and rectified.located is None
+
+
+@pytest.mark.parametrize("behind", [False, True])
+def test_a_camera_behind_the_panel_has_the_light_by_its_corners_in_their_order(behind: bool) -> None:
+    """The picture mirrored left to right, with the corners where they are then: the same light on the target."""
+    picture = photographed(CORNERS)
+    wide = picture.shape[1] - 1
+    corners = CORNERS * (-1.0, 1.0) + (wide, 0.0) if behind else CORNERS
+    seen = rectify(picture[:, ::-1] if behind else picture, corners, SQUARE, GRID)
+    np.testing.assert_allclose(seen / seen.mean(), simulated() / simulated().mean(), atol=0.03)
+    crossed = corners[[0, 1, 3, 2]]
+    with pytest.raises(InputError, match="they bound no convex quadrilateral; the order is top left, top right"):
+        rectify(picture, crossed, SQUARE, GRID)
 
 
 def test_photographs_of_other_kinds_are_refused(tmp_path):
