@@ -29,6 +29,7 @@ from lensforge.errors import InputError
 from lensforge.results import Fact, Record
 from lensforge.results.figure import criteria_in
 from lensforge.scene.lens import Lens
+from lensforge.shop.check import _room_on_plate
 from lensforge.shop.findings import plate_findings
 from lensforge.spec import BaseSection
 from lensforge.spec.lamps_section import Lamps
@@ -96,6 +97,13 @@ def ring() -> Part:
     marks = {"holes": [SCREW], "pins": [PIN], "bosses": [BOSS]}
     plate = {"thickness_mm": 2.0, "corner_radius_mm": 1.5, "draft_deg": DRAFT_DEG, **marks}
     return build_part(on_plate(plate, RING, 0.02), rings=16)
+
+
+@pytest.mark.parametrize(("process", "has_gap"), [("milled", True), ("moulded", False)])
+def test_a_plate_has_a_gap_for_the_cutter_where_one_cuts_it(process: str, has_gap: bool) -> None:
+    lens = on_plate({"thickness_mm": 2.0}, RING)
+    lens = replace(lens, spec=lens.spec.replace({"manufacture.process": process}))
+    assert (_room_on_plate(lens, fitted())["plate_gap_mm"] is not None) == has_gap
 
 
 def of_two_kinds(places: list[list[float]], turns: list[float], kinds: list[str], plate: dict[str, Any]) -> Lens:

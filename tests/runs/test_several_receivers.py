@@ -1,5 +1,6 @@
 """Parts of a lens with receivers of two kinds."""
 
+import pytest
 from presets import FEW
 from scenes import random_surface, small_spec
 
@@ -28,3 +29,7 @@ def test_parts_keep_the_bounds_of_each_receiver_under_its_name() -> None:
             for prefix in ("", "far_field: ")
         )
         assert name == "nmse" or wall != far
+    (led,) = study.leds
+    shares = [share.mean() for share in led.designed.shares]
+    by_many_rays = [light.share_in_target.value for light in led.designed_light.receivers]
+    assert shares == pytest.approx(by_many_rays, abs=0.05) and abs(shares[0] - shares[1]) > 0.2

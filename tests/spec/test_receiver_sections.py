@@ -231,7 +231,7 @@ BAD_TARGETS: list[tuple[Table, Table, str]] = [
     (PLANE, {"kind": "ring", "outer_diameter_mm": 9.0, "inner_diameter_mm": 9.0}, "inner_diameter_mm = 9 must be"),
     (FAR, {"kind": "ring", "outer_diameter_deg": 8.0, "inner_diameter_deg": 9.0}, "than outer_diameter_deg = 8"),
     (PLANE, {"kind": "polygon", "corners_mm": [[0.0, 0.0], [1.0, 1.0]]}, "2 corners, a polygon has three at least"),
-    (PLANE, {"kind": "polygon", "corners_mm": [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]}, "all lie on a line"),
+    (PLANE, {"kind": "polygon", "corners_mm": [[9.0, 0.0], [10.0, 1.0], [11.0, 2.0]]}, "all lie on a line"),
     (PLANE, {"kind": "spots", "columns": 2, "diameter_mm": 5.0, "pitch_mm": 4.0}, "pitch_mm = 4 is less than"),
     (FAR, {"kind": "beam", "fwhm_deg": 30.0, "edge_deg": 2.0}, 'edge_deg = 2 goes with profile = "flat"; leave it out'),
     (PLANE, {"kind": "star"}, "kind = 'star': must be one of flat_top"),
