@@ -20,6 +20,18 @@ def test_rays_of_one_wavelength_are_a_line():
     assert (result.wavelengths_nm.tolist(), result.power_density.tolist()) == ([621.3], [1.0])
 
 
+def test_a_table_of_rays_has_their_mean_wavelength_whatever_their_blocks():
+    waves = np.linspace(451.3, 652.2, 20_001)
+    flux = 1.0 + np.sin(waves / 30.0) ** 2
+    blocks = [(waves[part], flux[part]) for part in (slice(None, 700), slice(700, None))]
+    table = _of_rays(lambda: blocks)
+    assert np.average(table.wavelengths_nm, weights=table.power_density) == pytest.approx(
+        np.average(waves, weights=flux), abs=0.05
+    )
+    assert table.power_density.max() == 1.0 and np.diff(table.wavelengths_nm) == pytest.approx(5.0)
+    assert table.power_density[0] == table.power_density[-1] == 0.0, "it ends beside the rays"
+
+
 def test_parts_have_in_their_mixture_the_powers_that_they_have():
     """A line of 3 W and a triangle of 1 W, of which the areas are the powers."""
     line = Spectrum(np.array([450.0]), np.ones(1))
