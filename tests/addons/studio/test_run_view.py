@@ -1,9 +1,13 @@
 """A finished lens as the page of the studio takes it."""
 
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 from travel_results import LM_PER_W, results, travel
 
-from lensforge.addons.studio.run_view import run_arrays, run_words
+from lensforge.addons.studio.run_view import _files_of_lens_before, run_arrays, run_words
 from lensforge.report.folder import Run
 
 
@@ -20,3 +24,23 @@ def test_the_studio_has_the_pictures_of_every_stop_behind_the_receivers(tmp_path
     for index, stop in enumerate(travel().stops):
         assert arrays[f"light{len(receivers)}_{index}"] == pytest.approx(LM_PER_W * stop.map)
     assert f"light{len(receivers)}" not in arrays and f"target{len(receivers)}" not in arrays
+
+
+@pytest.mark.parametrize(
+    ("found", "report", "old"),
+    [
+        ((), "", {"lens.step", "lens.ies", "report.html"}),
+        (("export",), "of abc123", {"lens.step", "lens.ies"}),  # its check may fail
+        (("check", "photometry"), "of abc123", {"lens.step"}),
+        (("export", "check"), "of another", {"lens.ies", "report.html"}),
+        (("export", "check", "photometry"), "of abc123", set()),
+    ],
+)
+def test_files_whose_stages_have_not_run_for_this_lens_are_of_one_before(
+    found: tuple[str, ...], report: str, old: set[str], tmp_path: Path
+) -> None:
+    for name in ("lens.step", "lens.ies", "export.json", "lens.toml", "notes.md"):
+        (tmp_path / name).write_text("x")
+    (tmp_path / "report.html").write_text(report)
+    run: Any = SimpleNamespace(folder=tmp_path, found=found, lens=SimpleNamespace(sha256="abc123"))
+    assert set(_files_of_lens_before(run)) == old
