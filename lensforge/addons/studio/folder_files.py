@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
-DOWNLOADS = {".html", ".pdf", ".dxf", ".step", ".stl", ".3mf", ".ies", ".ldt", ".xml", ".csv", ".json", ".tm25ray"}
+DOWNLOADS = {
+    ".html", ".pdf", ".dxf", ".step", ".stl", ".3mf", ".glb", ".gldf", ".ies", ".ldt", ".iesxml", ".tm25ray", ".csv",
+    ".json",
+}  # fmt: skip
 
 
 def files_to_take(folder: Path) -> list[str]:

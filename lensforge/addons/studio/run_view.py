@@ -20,7 +20,7 @@ from lensforge.report.travel_section import stop_caption, travel_of
 from lensforge.results.files import MIB, read_file
 from lensforge.spec import ReceiverSection
 
-_PHOTOMETRIC = (".ies", ".ldt", ".iesxml", ".tm25ray")
+_PHOTOMETRIC = (".ies", ".ldt", ".iesxml", ".tm25ray", ".gldf")
 _MOST_REPORT_BYTES = 256 * MIB
 
 
