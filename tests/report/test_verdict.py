@@ -13,10 +13,11 @@ from result_folders import PIXELS, criterion, make_folder, make_results, with_le
 from result_folders import finding as any_finding
 from shown_folders import SKY, WALL, lens_of
 
-from lensforge.cli.conclusion import _limit_rows, _require_pass
+from lensforge.cli.conclusion import _limit_rows, _require_pass, summary
 from lensforge.errors import CriterionMissed, InputError
 from lensforge.light.light_facts import light_facts
 from lensforge.light.receiver_light import LARGEST_NMSE, LEAST_SHARE, Possible
+from lensforge.report.folder import Run
 from lensforge.report.headline import headline
 from lensforge.report.results import Results
 from lensforge.report.stored import Stored, load_results
@@ -166,6 +167,22 @@ def test_a_missed_criterion_of_a_stage_fails_the_files(stem: str) -> None:
     with pytest.raises(CriterionMissed):
         verdict.require(cutting=False, parts=("files",))
     verdict.require(cutting=False, parts=("light",))
+
+
+@pytest.mark.parametrize("failing", ["light", "files"])
+def test_the_screen_says_why_below_the_part_that_fails(failing: str, tmp_path: Path) -> None:
+    missed = {"criteria": (criterion("something", 2.0, 1.0),)}
+    dim = {"nmse": metric(0.5), "share_in_target": metric(0.85), "target_map": FLAT}
+    results = make_results(export=missed) if failing == "files" else make_results(evaluate=dim)
+    blocks = {
+        block.title.partition(":")[0]: block.rows
+        for block in summary(Run(results.lens, results.found, {}, {}, tmp_path))
+    }
+    reasons = {
+        title: [text for label, text in blocks[title] if label == "Reason"] for title in ("Photometry", "CAD files")
+    }
+    (reason,) = results.verdict.reasons_of(failing)
+    assert reasons == {title: [reason] * (title == TITLES[failing]) for title in reasons}
 
 
 def test_a_changed_file_fails_until_the_verification_has_judged_it_as_it_is() -> None:

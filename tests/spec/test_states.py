@@ -125,7 +125,7 @@ def test_the_cavity_has_room_for_the_led_in_every_state() -> None:
     ("states", "changes", "line"),
     [
         ([{"name": "a"}, {"name": "b"}], {}, "states: 'a' and 'b' do not differ; change LED, place, temperature"),
-        ([{"name": "a"}, {"name": "A", "tilt_deg": [0.0, 1.0]}], {}, "states: 'a' and 'A' differ by letter case alone"),
+        ([{"name": "A"}, {"name": "a", "tilt_deg": [0.0, 1.0]}], {}, "states: 'A' and 'a' differ by letter case alone"),
         ([{"name": "a", "tilt_deg": [0.0, 1.0]}], {}, "states: 'a' is the only one; add another, or state it in the"),
         ([{"name": "a"}, {"name": "b", "shift": [0.0, 0.0, 1.0]}], {}, "states.1.shift = .*unknown; did you mean"),
         (

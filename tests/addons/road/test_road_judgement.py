@@ -412,6 +412,9 @@ def test_the_flux_and_the_spacing_that_are_named_keep_the_mean_of_the_class(tmp_
     (less,) = re.findall(r"× ([0-9.]+) lumens", bright.remedy)
     kept = judge_road(dim, of_lens(_lamp(), 2.0 * float(less))).limits
     assert {limit.state for limit in kept if "maximum" in limit.key} == {"pass"}
+    for state_of_limit, has_remedy in (("fail", True), ("pass", False), ("undecided", False)):
+        (told,) = with_remedies([replace(judged(0.05)[0], state=state_of_limit, remedy="")])
+        assert bool(told.remedy) == has_remedy, state_of_limit
     uneven = replace(judged(1.0)[0], sense="<=", limit=0.5, key="largest").judged()
     for limits in ((uneven, judged(0.05)[0]), judged(0.0)):
         assert next(with_remedies(limits)).remedy == "no luminous flux meets all limits: the light must be more uniform"
