@@ -1,5 +1,6 @@
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from presets import FEW
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.light.evaluation import evaluate_lens
+from lensforge.light.evaluation import _with_left_open, evaluate_lens
+from lensforge.light.simulation import TracedLens
+from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import SquareEmitter, build_source
 from lensforge.sources.measured_rays import searched
@@ -42,6 +45,54 @@ def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> 
     efficiency = result.efficiency
     assert efficiency.standard_error is not None
     assert efficiency.value == pytest.approx(window, abs=5 * efficiency.standard_error + 1e-5)
+
+
+@dataclass(frozen=True)
+class Modelled(SquareEmitter):
+    """A model of a file of few rays: other draws of them make others, of which none is the light of the rest."""
+
+    number: str = "the model"
+
+    @property
+    def file(self) -> "Modelled":
+        return self
+
+    @property
+    def held_back(self) -> "Modelled":
+        return replace(self, number="held back")
+
+    def refitted(self, seed: int) -> "Modelled":
+        return replace(self, number=f"refit {seed}")
+
+
+def test_what_few_rays_of_a_file_leave_open_enlarges_the_error_of_each_figure_by_its_own_changes(monkeypatch) -> None:
+    """In quadrature: the rms change of four refits, and what the rays held back differ by beyond their own noise."""
+    changes = {"refit 0": (3.0, 1.0), "refit 1": (-1.0, -3.0), "refit 2": (1.0, 5.0), "refit 3": (1.0, 1.0)}
+    changes |= {"the model": (0.0, 0.0), "held back": (5.0, -4.0)}
+    noise = dict.fromkeys(changes, (0.0, 0.0)) | {"held back": (3.0, 6.0)}  # of the efficiency more than the difference
+
+    def light_of(traced, spec, source, rays, seed) -> SimpleNamespace:
+        figures = [
+            Metric(value=value + 1e-3 * change, standard_error=1e-3 * error)
+            for value, change, error in zip((0.1, 0.5), changes[source.number], noise[source.number], strict=True)
+        ]
+        return SimpleNamespace(metrics=SimpleNamespace(nmse=figures[0], efficiency=figures[1]))
+
+    spec = small_spec(evaluate={"rays": 2**12, "pixels": 16})
+    lens = Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
+    plain = _evaluate(lens)
+    monkeypatch.setattr("lensforge.light.evaluation.traced_light", light_of)
+    built = build_source(spec.source)
+    model = Modelled(**{field.name: getattr(built, field.name) for field in fields(built)})
+    light = _with_left_open(plain, TracedLens.of(lens, 3.0), spec, model, 2**12, 0)
+    held_back = light.by_file
+    assert held_back.rays == 2**12 and held_back.nmse.value == pytest.approx(0.105)
+    assert held_back.efficiency.value == pytest.approx(0.496) and held_back.efficiency.standard_error == 6e-3
+    more = 1e-3 * np.sqrt([(9.0 + 1.0 + 1.0 + 1.0) / 4.0 + 25.0 - 9.0, (1.0 + 9.0 + 25.0 + 1.0) / 4.0])
+    for name, open_error in zip(("nmse", "efficiency"), more, strict=True):
+        before, after = getattr(plain.first, name), getattr(light.first, name)
+        assert after.value == before.value
+        assert after.standard_error == pytest.approx(np.hypot(before.standard_error, open_error), rel=1e-9)
 
 
 PLANE = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 200.0, "height_mm": 200.0}
