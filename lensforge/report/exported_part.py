@@ -42,6 +42,7 @@ _PURPOSES = {
     ".iesxml": "intensity, ANSI/IES TM-33",
     ".ldt": "intensity, EULUMDAT",
     ".tm25ray": "rays that leave the lens, ANSI/IES TM-25",
+    ".dxf": "drawing for CAD",
     ".pdf": "drawing to print",
     ".html": "page",
     ".csv": "table",

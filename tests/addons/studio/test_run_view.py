@@ -10,8 +10,9 @@ from travel_results import LM_PER_W, results, travel
 from lensforge.addons.studio.folder_files import files_to_take
 from lensforge.addons.studio.run_view import _files_of_lens_before, run_arrays, run_words
 from lensforge.light.photometry_result import LUMINAIRE_FILES, TM33_FILE
-from lensforge.report.exported_part import _PURPOSES
+from lensforge.report.exported_part import _PURPOSES, _purpose
 from lensforge.report.folder import Run
+from lensforge.shop.handover import DXF_FILE, PDF_FILE, PLATE_DXF_FILE, POINTS_FILE
 from lensforge.shop.part_models import GLB_FILE, LAMPS_GLB_FILE, PLATE_GLB_FILE, RAYS_GLB_FILE
 
 
@@ -30,8 +31,10 @@ def test_the_studio_has_the_pictures_of_every_stop_behind_the_receivers(tmp_path
     assert f"light{len(receivers)}" not in arrays and f"target{len(receivers)}" not in arrays
 
 
-def test_every_file_that_a_stage_writes_for_others_can_be_taken(tmp_path: Path) -> None:
+def test_every_file_that_a_stage_writes_for_others_can_be_taken_and_has_a_purpose_on_the_page(tmp_path: Path) -> None:
     written = {*LUMINAIRE_FILES.values(), TM33_FILE, GLB_FILE, LAMPS_GLB_FILE, PLATE_GLB_FILE, RAYS_GLB_FILE}
+    written |= {DXF_FILE, PLATE_DXF_FILE, PDF_FILE, POINTS_FILE}
+    assert all(map(_purpose, written))
     written |= {f"lens{suffix}" for suffix in _PURPOSES}
     for name in (*written, "design.npz", "checkpoint.bin"):
         (tmp_path / name).touch()
