@@ -28,6 +28,9 @@ def test_the_studio_has_the_pictures_of_every_stop_behind_the_receivers(tmp_path
     assert over["stops"][2] == "0.25 mm, far: illuminance on the axis 375 ± 16 lx, full width at half maximum –"
     for index, stop in enumerate(travel().stops):
         assert arrays[f"light{len(receivers)}_{index}"] == pytest.approx(LM_PER_W * stop.map)
+    for number, light in enumerate(run.light.receivers):
+        assert arrays[f"light{number}"] == pytest.approx(LM_PER_W * light.map)
+        assert arrays[f"target{number}"] == pytest.approx(LM_PER_W * light.target_map), "in the unit of the light"
     assert f"light{len(receivers)}" not in arrays and f"target{len(receivers)}" not in arrays
 
 
