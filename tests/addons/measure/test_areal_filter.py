@@ -30,6 +30,17 @@ def filtered(deviations, u, wavelength_mm):
     return ArealFilter(PointDeviations(SPHERE, u, deviations), wavelength_mm).solve()
 
 
+def test_points_share_the_area_of_the_face_by_their_weights():
+    """Each place twice, the second time with three times the weight of the first; a hemisphere has 2 pi R^2."""
+    places = fibonacci_hemisphere(3000)
+    weights = np.repeat([1.0, 3.0], len(places))
+    points = PointDeviations(SPHERE, np.tile(places, (2, 1)), np.zeros(2 * len(places)), weights=weights)
+    once, thrice = np.split(points.areas, 2)
+    assert thrice == pytest.approx(3.0 * once, rel=1e-12)
+    assert points.areas.sum() == pytest.approx(2.0 * np.pi * RADIUS**2, rel=1e-6)
+    assert points.mean_square(np.repeat([2.0, 0.0], len(places))) == pytest.approx(1.0), "4 mm² on a quarter of it"
+
+
 @pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0, 4.0])
 def test_a_wave_passes_as_the_spline_filter_says(ratio):
     u, length = fibonacci_hemisphere(8000), 2.5

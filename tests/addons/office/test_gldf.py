@@ -122,6 +122,12 @@ def test_unknown_lumens_and_too_little_power_are_refused(lit):
     assert gldf_bytes(variants, spec, 1.001 * least)
     with pytest.raises(InputError, match=r"watts = .*: must be above"):
         gldf_bytes(variants, spec, 0.999 * least)
+    (dim,) = variants
+    table = dim.file.intensity
+    bright = replace(dim, file=replace(dim.file, intensity=replace(table, values=2.0 * table.values)))
+    assert gldf_bytes([dim, bright], spec, 2.002 * least)
+    with pytest.raises(InputError, match=r"watts = .*: must be above"):
+        gldf_bytes([dim, bright], spec, 1.5 * least)
 
 
 @pytest.mark.nightly("another program, which is installed for it")
