@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scenes import small_spec
 
-from lensforge.light.angular_grid import AngularGrid, FittedIntensity, Rival
+from lensforge.light import angular_grid
+from lensforge.light.angular_grid import AngularGrid, FittedIntensity, Rival, _Candidate, _chosen, _Pyramid
 from lensforge.light.photometry_result import CandelaTables, Direction
 from lensforge.light.plane_figures import PlaneFigures
 from lensforge.results import Metric
@@ -37,6 +38,23 @@ def width(level_cd, scale=1.0):
 
 def by_halves(first, second, third, fourth):
     return 0.5 * np.sqrt(((first - second) ** 2 + (third - fourth) ** 2) / 2.0)
+
+
+def test_the_doubts_of_all_steps_towards_the_chosen_table_count(monkeypatch):
+    """Of levels whose gains over the step before have an error of 1: chances by the Gaussian integral."""
+    noise = np.diag(np.linspace(-1.0, 1.0, 16)) * 8.0
+
+    def candidate(level, gain):
+        return _Candidate(level, np.full((16, 16), gain) + noise)
+
+    steps = {
+        (3, 3): [candidate((3, 3), 0.0), candidate((2, 3), 4.0), candidate((3, 2), 1.0)],
+        (2, 3): [candidate((2, 3), 0.0), candidate((1, 3), -2.0)],
+    }
+    monkeypatch.setattr(angular_grid, "_candidates", lambda pyramid, level: steps[level])
+    level, others = _chosen(object.__new__(_Pyramid), (3, 3))
+    assert level == (2, 3) and [other for other, _ in others] == [(3, 2), (3, 3), (1, 3)]
+    assert all(0.0 <= chance < 0.5 for _, chance in others)
 
 
 @pytest.mark.parametrize(

@@ -103,21 +103,33 @@ def test_kernels_and_cast_agree_on_the_light_behind_bodies_and_the_cover_glass(s
 
 
 def test_each_lens_of_a_plate_has_bodies_of_its_own() -> None:
-    """Rays of lenses that are turned and shifted, as those of the first turned and shifted behind its bodies."""
-    media = replace(clear(), bodies=(DOME, SECOND))
+    """Rays of lenses that are turned and shifted, as those of the first turned and shifted behind its bodies.
+
+    Polarised along one line each, which the bodies and the glass before them all tell.
+    """
+    media = replace(clear(), bodies=(DOME, SECOND), cover_glass=GLASS)
     rays = upwards(900, 6, 2.0)
+    across = np.cross(rays.directions, np.random.default_rng(9).normal(size=(900, 3)))
+    across *= np.sqrt(2.0) / np.linalg.norm(across, axis=1)[:, None]
+
+    def fields(lines: np.ndarray) -> np.ndarray:
+        return np.stack([lines, np.zeros_like(lines)], axis=1) + 0j
+
     numbers = np.arange(900) % 3
     waves = np.full(900, 550.0)
     places = np.array([[0.0, 0.0], [80.0, 10.0], [-20.0, 90.0]])
     turns = np.array([0.3, 1.9, -2.5])
-    alone = behind_optics(rays.origins, rays.directions, media, waves)
+    alone = behind_optics(rays.origins, rays.directions, media, waves, fields(across))
     for lit in (None, 1):
         plate = PlateOfLenses(places, turns, lit)
         there = plate.placed(rays, numbers)
         wanted = plate.placed(RayBundle(alone.points, alone.directions, rays.flux), numbers)
         seen = Pose.of_tilts(turn_deg=0.0 if lit is None else np.degrees(turns[lit])).rotation
-        exits = behind_optics(plate.from_lit(there.origins), there.directions @ seen, media, waves, plate=plate)
+        lines = plate.placed(RayBundle(rays.origins, across, rays.flux), numbers).directions @ seen
+        starts = plate.from_lit(there.origins)
+        exits = behind_optics(starts, there.directions @ seen, media, waves, fields(lines), plate=plate)
         out = alone.through_bodies > 0.0
         assert exits.through_bodies == pytest.approx(alone.through_bodies, abs=1e-12)
+        assert exits.through_glass[out] == pytest.approx(alone.through_glass[out], abs=1e-12)
         assert np.abs(exits.points - plate.from_lit(wanted.origins))[out].max() < 1e-9
         assert np.abs(exits.directions - wanted.directions @ seen)[out].max() < 1e-12

@@ -13,6 +13,7 @@ from lensforge.errors import InputError
 from lensforge.light.irradiated_body import IrradiatedBody
 from lensforge.proof.obstacles import ObstacleBody
 from lensforge.proof.patched_body import PatchedBody
+from lensforge.proof.proof_inputs import _patched_bodies
 from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.results.criteria import state_of
 from lensforge.results.figure import criteria_in
@@ -227,6 +228,19 @@ def test_light_by_a_mirror_comes_from_the_image_of_its_source_in_the_design_and_
     assert flux.sum() == pytest.approx(direct.sum() + 0.6 * mirrored.sum(), rel=0.01)
     same = patched(MEASURED, wall, flux / (1e-6 * view.patches.areas_mm2)).judge(*cast_of(rays))
     assert same.mean.value == pytest.approx(same.mean_design, rel=1e-12) and same.apart < 1e-20
+
+
+def test_each_measured_body_of_a_scene_is_compared_with_its_own_light_behind_all_others() -> None:
+    sections = [BOX, MEASURED.changed(name="second", centre_mm=(0.0, 0.0, 900.0)), TUBE.changed(patch_mm=9.0)]
+    spec = small_spec(scene=[section.model_dump() for section in sections])
+    by_design = {name: np.full(3, value) for name, value in (("tube", 2.0), ("second", 5.0))}
+    measured = [SimpleNamespace(name=name, irradiance=irradiance) for name, irradiance in by_design.items()]
+    bodies = _patched_bodies(spec, SimpleNamespace(on_bodies=measured))
+    assert [body.name for body in bodies] == ["second", "tube"]
+    for body in bodies:
+        np.testing.assert_array_equal(body.designed, by_design[body.name])
+        others = [section for section in sections if section.name != body.name]
+        assert [other.centre_mm for other in body.others] == [section.centre_mm for section in others]
 
 
 def test_the_error_of_the_mean_is_that_of_the_share_of_the_rays_that_land() -> None:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge.addons.studio import spec_text
 from lensforge.addons.studio.search_job import JOB_FILE, SearchJob
 from lensforge.addons.studio.session import Session
 from lensforge.addons.studio.spec_text import SpecText
@@ -35,6 +37,22 @@ def run(work: Callable[[], Any]) -> Any:
         return await result if asyncio.iscoroutine(result) else result
 
     return asyncio.run(in_loop())
+
+
+def test_every_file_that_an_example_names_is_named_by_its_whole_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    example = tmp_path / "two_files.toml"
+    example.write_text('[source]\nfile = "led.ray"\n[target]\nfile = "cat.png"\nname = "no file"\n', encoding="utf-8")
+    for name in ("led.ray", "cat.png"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(spec_text, "shipped_specs", lambda: {"two_files": example})
+    text = SpecText.of(TEXT, tmp_path / "lens.toml").from_example("two_files").text
+    assert tomllib.loads(text) == {
+        "source": {"file": str(tmp_path / "led.ray")}, "target": {"file": str(tmp_path / "cat.png"), "name": "no file"}
+    }  # fmt: skip
+    with pytest.raises(lf.InputError, match="examples other: not found; known: two_files"):
+        SpecText.of(TEXT, tmp_path / "lens.toml").from_example("other")
 
 
 def paused(folder: Path, **changes: object) -> None:
