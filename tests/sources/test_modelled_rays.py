@@ -17,6 +17,7 @@ from PIL import Image
 from lensforge.cli.cli import cli
 from lensforge.errors import InputError
 from lensforge.optics.pose import Pose
+from lensforge.sources import modelled_rays
 from lensforge.sources.build_source import build_source, summarise
 from lensforge.sources.light_surface import GlassDome, LightSurface
 from lensforge.sources.measured_rays import held_back, rays_of_file, searched, smoothed
@@ -387,6 +388,14 @@ def test_rays_without_a_model_stay_and_it_is_said_why(rays, why: str) -> None:
     with pytest.raises(InputError, match=why) as error:
         build_source(RaySource(**section, model="radiance"))
     assert str(error.value).endswith('set source.model = "rays", or "auto"') and "\n" not in str(error.value)
+
+
+def test_the_noise_of_a_large_file_is_that_of_all_its_rays_not_of_those_that_are_fitted(monkeypatch) -> None:
+    monkeypatch.setattr(modelled_rays, "_FITTED", 3000)
+    rays = two_chips(24_000, 11)
+    found = _best(_Content.of(RaySetEmitter(rays, 1.0)))
+    by_chance = float(found.split("of the file ")[1].split()[0]) if isinstance(found, str) else found.chance
+    assert by_chance == pytest.approx((BLOCKS * np.sum(rays.flux**2)) ** 0.5 / rays.flux.sum(), rel=0.03)
 
 
 def test_a_model_that_is_farther_off_than_the_rays_is_not_taken() -> None:
