@@ -13,13 +13,14 @@ from scenes import hemisphere_directions, random_surface, small_spec, sphere
 import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
-from lensforge.search.constraint_points import KeepOutExtent
+from lensforge.search.constraint_points import ChartPoints, KeepOutExtent
 from lensforge.search.design_result import constraint_criteria
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.optimiser import search
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces import step_file as step_reading
+from lensforge.surfaces.surface import to_chart, to_sphere
 
 BALL_MM = 1.0
 CENTRE = np.array([0.5, 0.0, 0.8])
@@ -70,6 +71,19 @@ def test_the_extent_of_a_grown_ball_is_a_larger_ball(ball_file: Path, tmp_path: 
     assert (extent > ball_extent(u, MARGIN_MM) - 1e-6).all(), "the mesh is grown by its error, too"
     below = step_file(tmp_path / "below.step", ball(BALL_MM, (0.5, 0.0, -2.0)))
     assert not KeepOutExtent.of(kept_out(below)).along(u).any(), "it ends below z = 0"
+
+
+def test_a_point_speaks_for_all_directions_within_its_spacing(ball_file: Path) -> None:
+    """Of the largest extent on the disc of 0.02 of the chart around it, whose directions are drawn anew."""
+    extent = KeepOutExtent.of(kept_out(ball_file))
+    places = to_chart(hemisphere_directions(400, seed=4))
+    of_cells = extent.at(ChartPoints.of(places, 0.02)).numpy()
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    for away in (0.0, 0.01, 0.02):
+        for turn in turns:
+            beside = places + away * np.array([np.cos(turn), np.sin(turn)])
+            assert (of_cells > ball_extent(to_sphere(beside), MARGIN_MM) - 1e-3).all()
+    assert of_cells.max() < np.linalg.norm(CENTRE) + BALL_MM + GROWTH_MM + 1e-3
 
 
 def test_the_extent_of_a_grown_box_has_round_edges_and_corners(tmp_path: Path) -> None:
