@@ -55,7 +55,7 @@ class Met(NamedTuple):
     onward: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Met":
-        """Those of some of the rays."""
+        """Bodies that some of the rays meet."""
         return Met(*(column[rows] for column in self))
 
 
