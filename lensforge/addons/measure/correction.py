@@ -4,7 +4,6 @@ Where the corrected face would be too tightly concave for the ball cutter, the c
 of the STEP file are measured by reading it back.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,12 +12,10 @@ from scipy.spatial import cKDTree
 
 from lensforge.addons.measure.areal_filter import ChangedSurface, FilteredPoints, RadialChange
 from lensforge.addons.measure.first_cut import FirstCut, Request
-from lensforge.addons.measure.measured_points import PartPoints
 from lensforge.addons.measure.measured_surface import ChangedLens, pose_of
 from lensforge.addons.measure.measurement_result import KEPT, Correction, CutterLimit, area_extent
 from lensforge.addons.measure.nominal_face import FacePixels, NominalFace
 from lensforge.addons.measure.part_series import PartSeries
-from lensforge.addons.measure.several_parts import common_cut
 from lensforge.cad.body_export import solid_on_base
 from lensforge.cad.boundary import boundaries
 from lensforge.cad.custom_base import read_custom_base
@@ -121,20 +118,17 @@ def corrected_step(lens: Lens, side: str, corrected: Surface) -> CorrectedStep:
     return CorrectedStep(step, schema, nodes, worst(errors), change)
 
 
-def correct_face(parts: Sequence[PartPoints], cuts: ChangedLens, request: Request) -> Correction:
-    """Correct the face of ``cuts`` by the points of ``parts`` of its first cut, and simulate the second cut.
+def correct_face(cut: FirstCut, designed: NominalFace, cuts: ChangedLens, request: Request) -> Correction:
+    """Correct the ``designed`` face by its first ``cut``, and simulate the second cut.
 
     New nominal: the design less ``gain`` times the deviation that the filter passes, limited by the ball cutter of the
-    spec; of several parts that which they have in common. Raises :class:`InputError` for points that cannot be
-    registered, for parts that are not of one lens, or settings that they do not allow.
+    spec; of several parts that which they have in common. Raises :class:`InputError` where the body cannot be built.
     """
     lens = cuts.lens
-    side = cuts.side
-    shop = cuts.lens.spec.manufacture
-    designed = NominalFace.of(lens, side)
+    side = designed.name
+    shop = lens.spec.manufacture
     surface = designed.surface
     pixels = designed.pixels
-    cut = common_cut(parts, designed, request, shop.form_tolerance_um)
     face = OpticalFace(designed.patch, air_side(lens.body.face(side), shop), designed.domain)
     made = limited_by_cutter(surface, face, cut.chosen, request.gain, shop.cutter_radius_mm / shop.scale)
     corrected = ChangedSurface(surface, made.change)
@@ -145,12 +139,13 @@ def correct_face(parts: Sequence[PartPoints], cuts: ChangedLens, request: Reques
     light = next(iter(lights.values()))
     error = built.error
     return Correction(
-        inputs={"lens": lens.sha256},
+        inputs={"lens": lens.sha256, **cut.inputs},
         surface=side,
         registration=request.registration,
         process=shop.process,
         scale=shop.scale,
-        point_count=sum(len(part.cloud) for part in parts),
+        inferred=cut.inferred,
+        point_count=cut.count,
         point_spacing_mm=cut.span.spacing_mm,
         used_share=cut.placed.share,
         covered_share=cut.covered,

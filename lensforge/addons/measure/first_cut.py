@@ -5,14 +5,15 @@ stated, and no part of the deviation. With datums (registration "none") all that
 the areal filter lies between the shortest that the points can show and the longest that the face can hold.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from lensforge.addons.measure.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
-from lensforge.addons.measure.measurement_result import Registration
+from lensforge.addons.measure.measurement_result import InferredForm, Registration
 from lensforge.addons.measure.part_series import PartSeries
 from lensforge.addons.measure.registration import Registered, registered
 from lensforge.cad.boundary import WHOLE, Domain
@@ -156,7 +157,8 @@ class FirstCut:
 
     ``noise_mm``: rms of the points. ``likeliest``: the deviation at the wavelength that suits the points; ``chosen``:
     at that of the request. Of several parts it is the face that they have in common: ``series`` tells how they scatter
-    about it, and ``again`` has deviations that other parts could have.
+    about it, and ``again`` has deviations that other parts could have. ``count``: of the points that were given.
+    ``inferred``: what it rests on where there are none, but errors by pictures; ``inputs``: the hash of these.
     """
 
     placed: Registered
@@ -168,6 +170,9 @@ class FirstCut:
     chosen: FilteredPoints
     series: PartSeries | None = None
     again: Float[np.ndarray, " n"] | None = None
+    count: int = 0
+    inferred: InferredForm | None = None
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
     @staticmethod
     def of(
@@ -175,7 +180,7 @@ class FirstCut:
     ) -> "FirstCut":
         """Register ``cloud`` (mm) to the face and filter its deviations. Raises :class:`InputError`."""
         placed = registered(patch, cloud, request.registration)
-        return FirstCut.on(placed, deviations_of(surface, placed, domain), request)
+        return replace(FirstCut.on(placed, deviations_of(surface, placed, domain), request), count=len(cloud))
 
     @staticmethod
     def on(placed: Registered, points: PointDeviations, request: Request) -> "FirstCut":

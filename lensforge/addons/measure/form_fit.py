@@ -62,7 +62,7 @@ class Information:
 
 @dataclass(frozen=True, eq=False)
 class FormFit:
-    """Numbers, those of the camera behind those of the lens, their errors, and what they rest on.
+    """Numbers, those of the camera behind those of the lens, the covariance of their errors, and what they rest on.
 
     ``posterior``: covariance of the numbers. ``chi_square``: mean over the lit pixels of the
     squared residual over its variance, 1 for a lens whose errors are all among the unknowns. ``residual``:
@@ -70,7 +70,7 @@ class FormFit:
     """
 
     numbers: Numbers
-    errors: Numbers
+    covariance: Float[np.ndarray, "k k"]
     posterior: Float[np.ndarray, "k k"]
     chi_square: float
     residual: Pictures
@@ -116,7 +116,8 @@ def fit_form(light: Pictures, model: PictureModel, camera: Camera, sloped: Pictu
                 break
     residual = data - pictures.mean(axis=0)
     chi_square = _SHARED * float((weights * residual**2).sum() / np.count_nonzero(weights))
-    return FormFit(numbers, _errors(information, pictures, noise), information.covariance, chi_square, residual, noise)
+    covariance = _covariance(information, pictures, noise)
+    return FormFit(numbers, covariance, information.covariance, chi_square, residual, noise)
 
 
 def _slopes(sloped: PictureModel, camera: Camera, numbers: Numbers) -> Float[np.ndarray, "s m p h w"]:
@@ -141,14 +142,16 @@ def _weights(pictures: Float[np.ndarray, "r p h w"], noise: float) -> Pictures:
     return np.asarray((lit & inside) / (noise**2 / _SHARED + by_rays) / _SHARED)
 
 
-def _errors(information: Information, pictures: Float[np.ndarray, "r p h w"], noise: float) -> Numbers:
-    """Standard errors of the numbers that the estimator gives."""
+def _covariance(
+    information: Information, pictures: Float[np.ndarray, "r p h w"], noise: float
+) -> Float[np.ndarray, "k k"]:
+    """Covariance of the errors of the numbers that the estimator gives."""
     estimator = information.estimator
-    by_model = (estimator @ pictures.reshape(len(pictures), -1).T).var(axis=1, ddof=1) / len(pictures)
-    spread = np.stack([blurred(row.reshape(pictures.shape[1:])) for row in estimator])
-    by_camera = noise**2 * np.square(spread).sum(axis=(1, 2, 3))
-    by_prior = np.square(information.covariance).sum(axis=1)
-    return np.sqrt(by_model + by_camera + by_prior)
+    by_model = np.cov(estimator @ pictures.reshape(len(pictures), -1).T) / len(pictures)
+    spread = np.stack([blurred(row.reshape(pictures.shape[1:])).ravel() for row in estimator])
+    by_camera = noise**2 * spread @ spread.T
+    by_prior = information.covariance @ information.covariance
+    return np.asarray(by_model + by_camera + by_prior)
 
 
 def covariance_with(model: PictureModel, camera: Camera, fit: FormFit) -> Float[np.ndarray, "k k"]:

@@ -18,6 +18,8 @@ from lensforge.scene.made_part import AsMade, FaceNodes, MadePart
 from lensforge.spec import Spec
 
 FORMS = ("power", "astigmatism 0°", "astigmatism 45°", "coma x", "coma y", "trefoil 0°", "trefoil 30°", "spherical")
+DECENTRE = ("decentre x", "decentre y", "gap")
+TILT = ("tilt about x", "tilt about y")
 _RIM = 1.1  # of the squared radius: the error goes on behind the hemisphere, where splines begin
 
 
@@ -31,11 +33,8 @@ class Unknown:
 
 
 _PLACES = (
-    Unknown("decentre x", "µm", 10.0),
-    Unknown("decentre y", "µm", 10.0),
-    Unknown("gap", "µm", 10.0),
-    Unknown("tilt about x", "mrad", 0.35),
-    Unknown("tilt about y", "mrad", 0.35),
+    *(Unknown(name, "µm", 10.0) for name in DECENTRE),
+    *(Unknown(name, "mrad", 0.35) for name in TILT),
     Unknown("LED x", "µm", 20.0),
     Unknown("LED y", "µm", 20.0),
     Unknown("LED z", "µm", 20.0),
@@ -90,8 +89,8 @@ class FormUnknowns:
         amounts = numbers * self.expected
         errors = {face: np.tensordot(amounts[self.of_face(face)], table, 1) for face, table in self.tables.items()}
         amount = {unknown.name: float(value) for unknown, value in zip(self.unknowns, amounts, strict=True)}
-        shift_mm = _MM * np.array([amount["decentre x"], amount["decentre y"], amount["gap"]])
-        tilt_rad = _RAD * amount["tilt about x"], _RAD * amount["tilt about y"], 0.0
+        shift_mm = _MM * np.array([amount[name] for name in DECENTRE])
+        tilt_rad = _RAD * np.array([*(amount[name] for name in TILT), 0.0])
         lens_tilt_rad = _RAD * amount["lens tilt about x"], _RAD * amount["lens tilt about y"], 0.0
         led_shift_mm = _MM * np.array([amount[f"LED {axis}"] for axis in "xyz"])
         made = AsMade(

@@ -95,7 +95,9 @@ def infer_errors(lens: Lens, shots: Shots, *, expected_um: float, pixels: int, r
             f"pictures: no low-order errors of this lens explain them, chi-square {fit.chi_square:.3g}, at most "
             f"{_ANOTHER:g}; are the LED's places those of the pictures, in their order, and is it this lens?"
         )
-    errors = _errors(unknowns, fit)
+    of_lens = len(unknowns)  # the numbers of the camera stand behind
+    covariance = max(1.0, fit.chi_square) * fit.covariance[:of_lens, :of_lens]
+    errors = _errors(unknowns, fit, np.sqrt(np.diag(covariance)))
     inner, outer = (_form(errors[unknowns.of_face(face)]) for face in unknowns.names)
     return Inference(
         inputs={"lens": lens.sha256},
@@ -106,6 +108,7 @@ def infer_errors(lens: Lens, shots: Shots, *, expected_um: float, pixels: int, r
         inner_form_um=inner,
         outer_form_um=outer,
         errors=errors,
+        covariance=covariance,
         further=_further(model.by(_SLOPED[:2]), camera, fit),
         chi_square=fit.chi_square,
         over_expected=max(abs(error.value.value) / error.expected for error in errors),
@@ -172,8 +175,9 @@ def _light(
     return light_on_target(lit_only(photograph, dark), path, corners, receiver.grid.size, receiver.grid)
 
 
-def _errors(unknowns: FormUnknowns, fit: FormFit) -> tuple[InferredError, ...]:
-    more = max(1.0, fit.chi_square) ** 0.5
+def _errors(
+    unknowns: FormUnknowns, fit: FormFit, standard_errors: Float[np.ndarray, " k"]
+) -> tuple[InferredError, ...]:
     remaining = np.minimum(np.sqrt(np.diag(fit.posterior)), 1.0)
     return tuple(
         InferredError(
@@ -181,14 +185,14 @@ def _errors(unknowns: FormUnknowns, fit: FormFit) -> tuple[InferredError, ...]:
             value=Metric(
                 value=float(number * unknown.expected),
                 unit=unknown.unit,
-                standard_error=float(more * error * unknown.expected),
+                standard_error=float(error * unknown.expected),
             ),
             expected=unknown.expected,
             remaining=float(share),
         )
         for unknown, number, error, share in zip(
-            unknowns.unknowns, fit.numbers, fit.errors, remaining, strict=False
-        )  # those of the camera stand behind
+            unknowns.unknowns, fit.numbers, standard_errors, remaining, strict=False
+        )
     )
 
 

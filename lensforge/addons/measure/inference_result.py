@@ -2,9 +2,24 @@
 
 from typing import Annotated, ClassVar
 
-from lensforge.addons.measure.measurement_result import Clipped, Located, Pixel
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.addons.measure.measurement_result import Clipped, Located, Pixel, Residual
 from lensforge.public import public
-from lensforge.results import Count, Metric, NotNegative, Number, Positive, Record, Share, StageResult, Text, stated
+from lensforge.results import (
+    Array,
+    Count,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    Share,
+    StageResult,
+    Text,
+    stated,
+)
 from lensforge.results.criteria import Criteria
 from lensforge.results.figure import Criterion, Figure
 from lensforge.results.numerals import percent, quantity
@@ -13,7 +28,6 @@ from lensforge.results.stage_result import OnPage
 
 NOT_SEEN = 0.8  # posterior over prior standard deviation: the pictures tell little
 _EXPECTED = 4.0  # prior standard deviations: by chance no error of a lens is larger
-_RESIDUAL = 2.0  # chi-square beyond which there are errors that are not among the unknowns
 
 Place = tuple[Number, Number, Number]
 
@@ -34,6 +48,11 @@ class InferredError(Record):
     def is_seen(self) -> bool:
         """True if the pictures tell of it."""
         return self.remaining <= NOT_SEEN
+
+    @property
+    def is_told(self) -> bool:
+        """True if its standard error is less than what is expected of it, so that it can be corrected."""
+        return self.is_seen and (self.value.standard_error or 0.0) <= NOT_SEEN * self.expected
 
 
 class FurtherPicture(Record):
@@ -60,6 +79,7 @@ class Inference(StageResult):
     pixels (column, row) of the target in all of them. ``corners_located``: how they were found; None if they were
     given. ``inner_form_um``, ``outer_form_um``: rms of the form errors over the hemisphere, less what noise adds.
     ``errors``: each error with its standard error; those of form are coefficients of Zernike polynomials of rms 1.
+    ``covariance``: of what is wrong in the errors, each in units of what is expected of it.
     ``further``: the picture that would tell most. ``chi_square``: squared residual of the pictures over its variance;
     standard errors are larger by its root where it is above 1. ``over_expected``: the largest error over its prior
     standard deviation. ``clipped``: overexposed share of the target in the worst picture. ``noise_percent``: of a
@@ -88,17 +108,7 @@ class Inference(StageResult):
             value=lambda made: str(made.further),
         ),
     ]
-    chi_square: Annotated[
-        NotNegative,
-        Figure("Residual (χ²)", "1 where noise alone is left", key="chi_square", digits=3),
-        Criterion(
-            "<=",
-            _RESIDUAL,
-            "residual of the pictures over their noise",
-            "the lens has errors of higher order, or the LED is another: standard errors count it",
-            name="inferred_residual",
-        ),
-    ]
+    chi_square: Residual
     over_expected: Annotated[
         NotNegative,
         Figure("Largest error", "over what is expected of it", key="inferred_largest", digits=3),
@@ -117,6 +127,7 @@ class Inference(StageResult):
     seed: Count
     seconds: NotNegative
     criteria: Criteria = ()
+    covariance: Annotated[Float[np.ndarray, "k k"], Array("k", "k")]
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot each error and its standard error, in units of its prior standard deviation."""

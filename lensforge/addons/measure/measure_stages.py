@@ -62,11 +62,12 @@ COMPARE = FolderStage(
 CORRECT = FolderStage(
     "correct",
     correct,
-    """Correct a face for its second cut by measured points.
+    """Correct a face for its second cut by measured points, or by pictures.
 
-    Writes lens_corrected_FACE.step from points measured on the first cut.
+    Writes lens_corrected_FACE.step from points measured on the first cut, or from its errors that infer read from
+    pictures of its light (--inferred).
     """,
-    options=("points", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
+    options=("points", "inferred", "surface", "wavelength_mm", "gain", "registration", "rays", "threads"),
 )
 INFER = FolderStage(
     "infer",
@@ -109,7 +110,8 @@ _OPTIONS = {
         type=_FILE,
         help="Points x, y, z in mm on one surface; or folder of them, a file a part, CAVITY_PART.",
     ),
-    "surface": click.option("--surface", metavar="FACE", help="Face on which --points lie, such as inner or outer."),
+    "inferred": click.option("--inferred", type=_FILE, help="Errors by pictures: the infer.json of this lens."),
+    "surface": click.option("--surface", metavar="FACE", help="Face that was measured, such as inner or outer."),
     "registration": click.option(
         "--registration",
         type=click.Choice(["rigid", "shift", "none"]),

@@ -198,28 +198,32 @@ def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None
 def correct(
     lens: Lens,
     *,
-    points: Path | str,
     surface: str,
+    points: Path | str | None = None,
+    inferred: "Inference | Path | str | None" = None,
     wavelength_mm: float | None = None,
     gain: float = 1.0,
     registration: Registration = "rigid",
     rays: int | None = None,
     threads: int | None = None,
 ) -> Correction:
-    """Correct one face for its second cut by points measured on the first, and simulate the light of the second.
+    """Correct one face for its second cut by what was measured on the first, and simulate the light of the second.
 
     The new face is the design less ``gain`` times the measured deviation. Where it would be concave more tightly than
     the ball cutter of the spec, the wavelength is longer.
 
     Args:
         lens: the lens as designed.
+        surface: name of the face.
         points: file of x, y, z (mm) on that face of the part, or of its mould insert in lens coordinates; or folder of
             such files of several parts, called CAVITY_PART, of which what the cavities have in common is corrected.
-        surface: name of the face.
+        inferred: in the place of points what :func:`infer` found, or its JSON file: errors that its pictures tell are
+            corrected.
         wavelength_mm: shortest wave of the deviation that is corrected, in mm; None: the longest at which what is left
             of the points is noise alone.
         gain: share of the deviation that is corrected.
-        registration: motion that is fitted to bring the points onto the design: pose, not form.
+        registration: motion that is fitted to bring the points onto the design: pose, not form. Of inferred errors:
+            "rigid" leaves decentre, gap and tilt of the face as they are, "shift" corrects its tilt, "none" all.
         rays: number of rays, from 1; None: the preset's.
         threads: number of threads, from 1; None: all cores.
     Returns: The correction: ``step`` is the file for the shop. The light is that with each LED, and of all lamps.
@@ -231,22 +235,44 @@ def correct(
     """
     from lensforge.addons.measure.correction import correct_face
     from lensforge.addons.measure.first_cut import Request
+    from lensforge.addons.measure.inferred_form import inferred_cut
     from lensforge.addons.measure.measured_surface import ChangedLens
+    from lensforge.addons.measure.nominal_face import NominalFace
+    from lensforge.addons.measure.several_parts import common_cut
 
     require(lens, Lens, "correct").spec.lens.require_stage("correct")
     file = path_of("points", points)
-    if file is None:
-        raise InputError("points = None: give the file of the points measured on the first cut")
-    optical = [face.name for face in lens.body.faces if face.is_optical]
-    side = require_choice("surface", surface, optical)
+    if (file is None) == (inferred is None):
+        raise InputError(
+            "correct: give one of two: points measured on the first cut, --points FILE, or its errors by pictures, "
+            "--inferred infer.json"
+        )
+    side = require_choice("surface", surface, [face.name for face in lens.body.faces if face.is_optical])
     require_choice("registration", registration, get_args(Registration))
     rays = count_of("rays", rays)
     factor = number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
     cuts, conditions = ChangedLens.of(lens, side, rays)
+    face = NominalFace.of(lens, side)
     with threads_of_torch(threads):
-        correction = correct_face(measured_parts(file, lens, side), cuts, request)
+        if file is None:
+            cut = inferred_cut(_inference_of(inferred, lens), lens, face, request)
+        else:
+            cut = common_cut(measured_parts(file, lens, side), face, request, lens.spec.manufacture.form_tolerance_um)
+        correction = correct_face(cut, face, cuts, request)
     return correction.changed(conditions=conditions)
+
+
+def _inference_of(inferred: "Inference | Path | str | None", lens: Lens) -> "Inference":
+    """The errors themselves, or those in their file. Raises :class:`InputError` for those of another lens."""
+    from lensforge.addons.measure.inference_result import Inference
+    from lensforge.addons.measure.inferred_form import read_inference, require_of
+
+    if isinstance(inferred, Inference):
+        return require_of(inferred, lens)
+    path = path_of("inferred", inferred)
+    assert path is not None
+    return read_inference(path, lens)
 
 
 @public

@@ -139,7 +139,7 @@ def compare_surface(
         inputs={"lens": lens.sha256},
         surface=traced.side,
         registration=registration,
-        point_count=sum(len(part.cloud) for part in parts),
+        point_count=cut.count,
         used_share=cut.placed.share,
         covered_share=cut.covered,
         pose=pose_of(cut.placed.motion),

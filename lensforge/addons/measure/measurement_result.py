@@ -88,6 +88,7 @@ def _beyond_doubt(metric: Metric | None, expected: float) -> bool:
 CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is
 USED_SHARE = 0.9  # of the points must lie over the surface once registered
 COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
+_RESIDUAL = 2.0  # chi-square beyond which there are errors that are not among the unknowns
 
 
 Clipped = Annotated[
@@ -100,6 +101,17 @@ Clipped = Annotated[
         "use a shorter exposure, the same for all photographs",
         name="photo_clipped",
         unit="of the target",
+    ),
+]
+Residual = Annotated[
+    NotNegative,
+    Figure("Residual (χ²)", "1 where noise alone is left", key="chi_square", digits=3),
+    Criterion(
+        "<=",
+        _RESIDUAL,
+        "residual of the pictures over their noise",
+        "the lens has errors of higher order, or the LED is another: standard errors count it",
+        name="inferred_residual",
     ),
 ]
 Pixel = tuple[Number, Number]  # column, row
@@ -414,6 +426,42 @@ class CutterLimit(Record):
     cut_back_um: Extent
 
 
+class InferredForm(Record):
+    """Errors of a face by pictures of its light, in the place of measured points.
+
+    ``pictures``: number of these. ``chi_square``: of their residual. ``error_um``: standard error of the face, rms over
+    the area. ``left``: names of errors that the pictures do not tell, and that are not corrected.
+    """
+
+    pictures: Count
+    chi_square: Residual
+    error_um: Annotated[
+        NotNegative,
+        Figure(
+            "Standard error of the face",
+            lambda made: f"rms, by {made.inferred.pictures} pictures",
+            key="inferred_error",
+            digits=2,
+        ),
+    ]
+    left: Annotated[
+        tuple[Text, ...],
+        Figure(
+            "Not corrected",
+            "the pictures do not tell them; further ones may",
+            key="not_corrected",
+            value=lambda made: ", ".join(made.inferred.left),
+            when=lambda made: bool(made.inferred.left),
+        ),
+    ]
+
+
+def _why_filtered(made: Any) -> str:
+    if made.wavelength_given:
+        return "given"
+    return "from the noise of the points" if made.inferred is None else "for errors of low order"
+
+
 @public
 class Correction(MeasuredFace):
     """A face corrected by the mirrored deviation of a first cut, in a STEP file for the second one.
@@ -430,9 +478,12 @@ class Correction(MeasuredFace):
     spline nodes of each face. ``step_schema``: of the STEP. ``step_volume_change``: of the solid as read back,
     relative. ``form_error_nm``, ``normal_error_mrad``: errors of the face as read back. ``first_cut``, ``second_cut``:
     light of both. ``file``: size and hash of the STEP. ``deviation_map_um``, ``correction_map_um``,
-    ``expected_map_um``: maps of the extents above. ``step``: content of the STEP file.
+    ``expected_map_um``: maps of the extents above. ``step``: content of the STEP file. ``inferred``: what the deviation
+    rests on where it is by pictures; places of an even pattern then stand for points, and ``noise_rms_um`` is the
+    standard error of the face.
     """
 
+    omit_if_empty: ClassVar[tuple[str, ...]] = ("by_led", "series", "inferred")
     stage: ClassVar[str] = "correct"
     of_face: ClassVar[str] = "correct"
     on_page: ClassVar[OnPage] = OnPage("correction of the {} surface", in_row=("first_cut", "second_cut", "nmse"))
@@ -441,6 +492,7 @@ class Correction(MeasuredFace):
 
     process: Process
     scale: Positive
+    inferred: InferredForm | None = None
     point_spacing_mm: Positive
     gain: Positive
     deviation_um: Annotated[
@@ -459,7 +511,7 @@ class Correction(MeasuredFace):
         Positive,
         Figure(
             "Filter",
-            lambda made: f"longer waves pass; {'given' if made.wavelength_given else 'from the noise of the points'}",
+            lambda made: f"longer waves pass; {_why_filtered(made)}",
             key="filter",
             digits=3,
         ),
@@ -468,7 +520,13 @@ class Correction(MeasuredFace):
     noise_rms_um: NotNegative
     residual_rms_um: Annotated[
         NotNegative,
-        Figure("Left out by the filter", "rms; noise of the points {noise_rms_um:2}", key="left_out", digits=2),
+        Figure(
+            "Left out by the filter",
+            "rms; noise of the points {noise_rms_um:2}",
+            key="left_out",
+            digits=2,
+            when=lambda made: made.inferred is None,
+        ),
     ]
     cutter: CutterLimit
     nodes: SplineNodes

@@ -63,6 +63,7 @@ class FacePixels:
 class NominalFace:
     """A face of a lens: its surface, the patch that stands for it, where it lies, and the pixels of its maps."""
 
+    name: str
     surface: Surface
     patch: Patch
     domain: Domain
@@ -73,4 +74,4 @@ class NominalFace:
         """The face ``side`` of ``lens``."""
         patch = fit_patch(lens.surfaces[side])
         domain = domain_of(lens, side)
-        return NominalFace(lens.surfaces[side], patch, domain, FacePixels.of(patch, domain))
+        return NominalFace(side, lens.surfaces[side], patch, domain, FacePixels.of(patch, domain))

@@ -59,6 +59,7 @@ def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request,
         covered=min(part.covered for part in placed),
         noise_mm=float(np.sqrt(np.mean([tried.noise_mm**2 for tried in filters]))),
         again=cut.likeliest.values + np.repeat(scatter.contrast(), counts) * residuals,
+        count=sum(len(part.cloud) for part in parts),
         series=_series(scatter, face.pixels, wavelength_mm, zone_um),
     )
 

@@ -114,6 +114,7 @@ def make_inference(lens, **changes):
             ),
         ),
         "further": FurtherPicture(led_mm=(0.0, 0.25, 0.0), error="index", remaining_before=0.875, remaining=0.75),
+        "covariance": np.diag([0.005625, 0.765625]),
         "clipped": 0.0025,
         "chi_square": 1.125,
     }

@@ -114,6 +114,7 @@ HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword, its
     "correct": {
         "--rays": ("1.5e3", "rays", 1500), "--threads": ("3", "threads", 3),
         "--points": ("q.csv", "points", Path("q.csv")), "--surface": ("outer", "surface", "outer"),
+        "--inferred": ("infer.json", "inferred", Path("infer.json")),
         "--wavelength": ("1.5", "wavelength_mm", 1.5), "--gain": ("0.7", "gain", 0.7),
         "--registration": ("none", "registration", "none"),
     },

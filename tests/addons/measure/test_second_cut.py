@@ -148,7 +148,7 @@ def test_a_cutter_that_only_just_fits_the_design_fits_the_correction():
         ({"gain": 3.0}, "gain = 3: must be above 0 and at most 2"),
         ({"surface": "base"}, "surface = 'base': must be one of inner, outer"),
         ({"registration": "loose"}, "registration = 'loose': must be one of rigid, shift, none"),
-        ({"points": None}, "points = None: give the file"),
+        ({"points": None}, "correct: give one of two"),
         ({"points": "nowhere.csv"}, "nowhere.csv: no such file"),
     ],
 )

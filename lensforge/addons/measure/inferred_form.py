@@ -1,0 +1,153 @@
+"""The face of a first cut by an inference from pictures, in the place of one by measured points.
+
+Errors that the pictures tell are its deviation. The others stay as they are: they are expected of the second cut, as is
+what is wrong in any of them, by their covariance. Places of an even pattern stand for points.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.addons.measure.areal_filter import ArealFilter, PointDeviations
+from lensforge.addons.measure.first_cut import FilterRange, FirstCut, Request
+from lensforge.addons.measure.form_unknowns import DECENTRE, FORMS, TILT, zernike
+from lensforge.addons.measure.inference_result import Inference
+from lensforge.addons.measure.measurement_result import InferredForm, Registration
+from lensforge.addons.measure.nominal_face import NominalFace
+from lensforge.addons.measure.registration import Registered, RigidMotion
+from lensforge.errors import InputError
+from lensforge.scene.lens import Lens
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
+
+_PLACES = 4000
+_SEED = 0  # of the errors that are drawn
+_UNIT = 1e-3  # mm of a µm, rad of a mrad
+
+
+def read_inference(path: Path, lens: Lens) -> Inference:
+    """The errors of the made ``lens`` that ``infer`` wrote to ``path``, a JSON file or a result folder.
+
+    Raises :class:`InputError` for another file, and for those of another lens.
+    """
+    return require_of(Inference.read(path) if path.is_dir() else Inference.read(path.parent, path.stem), lens)
+
+
+def require_of(made: Inference, lens: Lens) -> Inference:
+    """``made`` itself. Raises :class:`InputError` for errors of another lens."""
+    if made.inputs["lens"] != lens.sha256:
+        raise InputError("inferred: the errors of another lens; run `lensforge infer` in the folder of this one")
+    return made
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """Errors of one face, each in units of what is expected of it, and the radial ``fields`` (mm) of such units.
+
+    ``told``: True for those that are known better than what is expected of them.
+    """
+
+    names: tuple[str, ...]
+    amounts: Float[np.ndarray, " k"]
+    covariance: Float[np.ndarray, "k k"]
+    told: Bool[np.ndarray, " k"]
+    fields: Float[np.ndarray, "n k"]
+
+    @staticmethod
+    def of(made: Inference, by_unit: Mapping[str, Float[np.ndarray, " n"]]) -> "_Errors":
+        """The errors of ``made`` of which there is the field (mm) of a unit of the record."""
+        kept = [number for number, error in enumerate(made.errors) if error.name in by_unit]
+        errors = [made.errors[number] for number in kept]
+        return _Errors(
+            names=tuple(error.name for error in errors),
+            amounts=np.array([error.value.value / error.expected for error in errors]),
+            covariance=made.covariance[np.ix_(kept, kept)],
+            told=np.array([error.is_told for error in errors]),
+            fields=np.stack([error.expected * by_unit[error.name] for error in errors], axis=1),
+        )
+
+    def kept(self, points: PointDeviations, gain: float) -> tuple[Float[np.ndarray, " n"], float]:
+        """Radial deviations (mm) such as a face that is corrected by ``gain`` may keep, and the rms of what is wrong.
+
+        Both along the normal over the area. What is wrong is drawn, at right angles to what is left as it is, so that
+        their squares add as in the mean.
+        """
+        values, vectors = np.linalg.eigh(self.covariance)
+        modes = self.fields @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        rms = np.sqrt(len(values) * points.mean_square(modes))
+        left = self.fields @ np.where(self.told, (1.0 - gain) * self.amounts, self.amounts)
+        drawn = modes @ np.random.default_rng(_SEED).normal(size=len(values))
+        if left.any():
+            along = points.mean_square(drawn + left) - points.mean_square(drawn - left)
+            drawn = drawn - 0.25 * along / points.mean_square(left) * left
+        return left + drawn * rms / np.sqrt(points.mean_square(drawn)), float(rms)
+
+
+def inferred_cut(made: Inference, lens: Lens, face: NominalFace, request: Request) -> FirstCut:
+    """The ``face`` of ``lens`` with the errors that ``made`` tells of it.
+
+    Its place, against the first face, counts as form as far as the registration of the ``request`` leaves it. Raises
+    :class:`InputError` where the pictures tell no error of the face.
+    """
+    directions = face.domain.held(fibonacci_hemisphere(_PLACES))
+    is_placed = face.name == [*lens.surfaces][-1]
+    by_unit = {f"{face.name} {form}": _UNIT * field for form, field in zip(FORMS, zernike(directions).T, strict=True)}
+    if is_placed:
+        by_unit |= _moved(face.surface, directions, request.registration)
+    empty = PointDeviations(face.surface, directions, np.zeros(len(directions)), face.domain)
+    errors = _Errors.of(made, {name: field / empty.cosines for name, field in by_unit.items()})
+    if not errors.told.any():
+        raise InputError(
+            f"inferred: the pictures tell no form error of the {face.name} face; take a further one with the "
+            f"{made.further}, and infer again"
+        )
+    points = PointDeviations(
+        face.surface, directions, errors.fields @ np.where(errors.told, errors.amounts, 0.0), face.domain
+    )
+    span = FilterRange.of(points)
+    wavelength_mm = span.shortest_mm if request.wavelength_mm is None else request.wavelength_mm
+    span.require(wavelength_mm)
+    filtered = ArealFilter(points, wavelength_mm).solve()
+    kept, rms_mm = errors.kept(points, request.gain)
+    return FirstCut(
+        placed=Registered(_motion(made, request.registration, is_placed), directions, 1.0),
+        points=points,
+        covered=1.0,
+        span=span,
+        noise_mm=rms_mm,
+        likeliest=filtered,
+        chosen=filtered,
+        again=(points.deviations - kept) / request.gain,
+        inputs={made.stage: made.sha256},
+        inferred=InferredForm(
+            pictures=len(made.pictures),
+            chi_square=made.chi_square,
+            error_um=1e3 * rms_mm,
+            left=tuple(name for name, told in zip(errors.names, errors.told, strict=True) if not told),
+        ),
+    )
+
+
+def _moved(
+    surface: Surface, directions: Float[np.ndarray, "n 3"], registration: Registration
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Deviations (mm) along the normal of a face that is out of place by a unit, as far as they count as form."""
+    normals = surface.normal(directions)
+    turned = np.cross(surface.radius(directions)[:, None] * directions, normals)
+    shifts = dict(zip(DECENTRE, _UNIT * normals.T, strict=True)) if registration == "none" else {}
+    tilts = dict(zip(TILT, _UNIT * turned[:, :2].T, strict=True)) if registration != "rigid" else {}
+    return {**shifts, **tilts}
+
+
+def _motion(made: Inference, registration: Registration, is_placed: bool) -> RigidMotion:
+    """The motion that brings the face to its place, as far as ``registration`` takes it out."""
+    by_name = {error.name: error.value for error in made.errors}
+    rotation, translation = np.zeros((2, 2, 3))
+    for number, name in enumerate(TILT if is_placed and registration == "rigid" else ()):
+        rotation[:, number] = _UNIT * np.array([-by_name[name].value, by_name[name].standard_error])
+    for number, name in enumerate(DECENTRE if is_placed and registration != "none" else ()):
+        translation[:, number] = _UNIT * np.array([-by_name[name].value, by_name[name].standard_error])
+    return RigidMotion(rotation[0], translation[0], rotation[1], translation[1])
