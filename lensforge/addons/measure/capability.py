@@ -4,7 +4,8 @@ Those are A. F. Bissell's, Applied Statistics 39, 331 (1990): for Cpk the root o
 n parts and a standard deviation of nu degrees of freedom.
 """
 
-from math import sqrt
+from collections.abc import Sequence
+from math import inf, sqrt
 
 import numpy as np
 from jaxtyping import Float
@@ -21,14 +22,18 @@ def cp(width: float, deviation: Metric) -> Metric:
     return Metric(value=ratio, standard_error=None if error is None else ratio * error / deviation.value)
 
 
-def upper_cpk(limit: float, groups: "list[Float[np.ndarray, ' n']]") -> Metric:
-    """Cpk of a figure that must be at most ``limit``: of the worst of the ``groups`` of parts, by their common scatter.
-
-    At least one group has two parts that differ.
-    """
+def pooled(groups: Sequence[Float[np.ndarray, " _"]], unit: str = "") -> Metric:
+    """Standard deviation within ``groups`` of parts. At least one group has two that differ."""
     freedom = sum(map(len, groups)) - len(groups)
     scatter = sqrt(sum(float(np.sum((group - group.mean()) ** 2)) for group in groups) / freedom)
-    worst = max(groups, key=lambda group: float(group.mean()))
-    ratio = (limit - float(worst.mean())) / (3.0 * scatter)
-    error = sqrt(1.0 / (9.0 * len(worst)) + ratio**2 / (2.0 * freedom))
+    return Metric(value=scatter, unit=unit, standard_error=scatter / sqrt(2.0 * freedom))
+
+
+def cpk(groups: Sequence[Float[np.ndarray, " _"]], most: float, least: float = -inf) -> Metric:
+    """Cpk of a figure from ``least`` to ``most``: of the worst of the ``groups`` of parts, by their common scatter."""
+    margins = [min(most - float(group.mean()), float(group.mean()) - least) for group in groups]
+    worst = int(np.argmin(margins))
+    freedom = sum(map(len, groups)) - len(groups)
+    ratio = margins[worst] / (3.0 * pooled(groups).value)
+    error = sqrt(1.0 / (9.0 * len(groups[worst])) + ratio**2 / (2.0 * freedom))
     return Metric(value=ratio, standard_error=error)

@@ -258,7 +258,7 @@ def correct(
         if file is None:
             cut = inferred_cut(_inference_of(inferred, lens), lens, face, request)
         else:
-            cut = common_cut(measured_parts(file, lens, side), face, request, lens.spec.manufacture.form_tolerance_um)
+            cut = common_cut(measured_parts(file, lens, side), face, request)
         correction = correct_face(cut, face, cuts, request)
     return correction.changed(conditions=conditions)
 

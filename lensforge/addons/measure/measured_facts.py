@@ -90,8 +90,8 @@ def _parts(series: PartSeries | None) -> Iterator[Fact]:
     several = f"of {len(series.cavities)} cavities" if len(series.cavities) > 1 else "of one cavity"
     yield Fact("parts", "Parts", len(series.parts), note=several)
     yield from facts_in(series)
-    for cavity in series.cavities:
-        yield from facts_in(series, (), cavity)
+    for record in (*series.places, *series.cavities):
+        yield from facts_in(series, (), record)
 
 
 def _cut(made: Correction) -> Iterator[Fact]:

@@ -123,7 +123,7 @@ def compare_surface(
     require_choice("registration", registration, get_args(Registration))
     lens = traced.lens
     face = NominalFace.of(lens, traced.side)
-    cut = common_cut(parts, face, Request(registration=registration), lens.spec.manufacture.form_tolerance_um)
+    cut = common_cut(parts, face, Request(registration=registration))
     form = cut.likeliest
     lights = traced.lights(None, form.change)
     (first, (before, after)), *further = lights.items()

@@ -1,5 +1,6 @@
 """A face as designed, over which deviations are measured, and the pixels of maps over it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from lensforge.cad.boundary import WHOLE, Domain, domain_of
 from lensforge.cad.patch import Patch, fit_patch
 from lensforge.results import Extent
 from lensforge.scene.lens import Lens
+from lensforge.spec.tolerances_section import PLACEMENT
 from lensforge.surfaces.surface import Surface, to_sphere
 
 _MAP_PIXELS = 201
@@ -60,18 +62,38 @@ class FacePixels:
 
 
 @dataclass(frozen=True)
+class FaceLimits:
+    """Tolerances of a face: full width of the zone of its form (None for none), and those of its place, either way.
+
+    ``places``: by their fields in the spec, such as "shift_mm"; none of a face against which others are placed.
+    """
+
+    zone_um: float | None
+    places: Mapping[str, float]
+
+    @staticmethod
+    def of(lens: Lens, side: str) -> "FaceLimits":
+        """Those of the face ``side`` of ``lens``, as its drawing states them."""
+        amounts = {name: lens.spec.part_tolerances.amount(side, name) for name in PLACEMENT}
+        places = {name: amount for name, amount in amounts.items() if amount > 0.0}
+        return FaceLimits(lens.spec.manufacture.form_tolerance_um, places)
+
+
+@dataclass(frozen=True)
 class NominalFace:
-    """A face of a lens: its surface, the patch that stands for it, where it lies, and the pixels of its maps."""
+    """A face of a lens: its surface, the patch that stands for it, where it lies, its pixels, and its tolerances."""
 
     name: str
     surface: Surface
     patch: Patch
     domain: Domain
     pixels: FacePixels
+    limits: FaceLimits
 
     @staticmethod
     def of(lens: Lens, side: str) -> "NominalFace":
         """The face ``side`` of ``lens``."""
         patch = fit_patch(lens.surfaces[side])
         domain = domain_of(lens, side)
-        return NominalFace(side, lens.surfaces[side], patch, domain, FacePixels.of(patch, domain))
+        pixels = FacePixels.of(patch, domain)
+        return NominalFace(side, lens.surfaces[side], patch, domain, pixels, FaceLimits.of(lens, side))

@@ -53,6 +53,49 @@ class CavityForm(Record):
     map_um: FaceMap
 
 
+_MEASURED = 0.3  # of the tolerance: twice the error of a place, at most (ISO 22514-7)
+
+
+def _of_place(series: Any, place: Any) -> str:
+    limit = quantity(place.limit, place.mean.unit, digits=3)
+    worst = " of the worst cavity" if len(series.cavities) > 1 else ""
+    return f"within ±{limit}; Cp {place.cp}; mean{worst} {place.mean}, standard deviation {place.scatter}"
+
+
+def _measured_badly(series: Any, place: Any) -> str:
+    if 2.0 * place.part_error <= _MEASURED * place.limit:
+        return ""
+    error = quantity(place.part_error, place.mean.unit, digits=2)
+    return f"a part's place is known to {error} alone, which counts as scatter: measure it more exactly"
+
+
+class PlaceCapability(Record):
+    """Place of the face in one ``direction``, against its tolerance.
+
+    In µm or degrees: ``limit``: the tolerance, either way; ``mean``: of the cavity that is farthest off; ``scatter``:
+    standard deviation within cavities; ``part_error``: rms of the standard errors of the parts' places.
+    """
+
+    direction: Text
+    limit: Positive
+    mean: Metric
+    scatter: Metric
+    part_error: NotNegative
+    cp: Metric
+    cpk: Annotated[
+        Metric,
+        Figure(
+            lambda series, place: f"Cpk, {place.direction}",
+            _of_place,
+            key=lambda series, place: f"cpk_{place.direction.replace(' ', '_')}",
+            limit=CAPABLE,
+            sense=">=",
+            limit_note="customary",
+            notice=_measured_badly,
+        ),
+    ]
+
+
 def _scatter_of(series: Any) -> str:
     of = "parts of a cavity" if series.repeats else "all parts; a cavity has one alone, measure two of each"
     return f"of {of}, rms over the face, {series.freedom} degrees of freedom"
@@ -66,7 +109,9 @@ class PartSeries(Record):
     that the cavities have in common; ``common_error_um``: its standard error. ``repeatability_um``: standard deviation
     of parts, ``between_um``: of cavities. ``zone_um``: full width of the zone of ``manufacture.form_tolerance_um``.
     ``cp``: of that zone by the repeatability; ``cpk``: of the parts' profiles, of the worst cavity. ``exchanged``:
-    parts whose labels seem to be mixed up. ``scatter_map_um``: standard deviation of parts over the face.
+    parts whose labels seem to be mixed up. ``places``: capability of each direction in which the face is toleranced;
+    ``place_registered``: some are not judged, as the registration takes them out. ``scatter_map_um``: standard
+    deviation of parts over the face.
     """
 
     parts: tuple[PartForm, ...]
@@ -105,4 +150,14 @@ class PartSeries(Record):
             when=lambda series: bool(series.exchanged),
         ),
     ] = ()
+    places: tuple[PlaceCapability, ...] = ()
+    place_registered: Annotated[
+        Flag,
+        Figure(
+            "Place of the face",
+            "its registration takes it out; measure against datums, --registration none",
+            value=lambda series: "not judged",
+            when=lambda series: series.place_registered,
+        ),
+    ] = False
     scatter_map_um: FaceMap

@@ -11,23 +11,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lensforge.addons.measure.areal_filter import ArealFilter, FilteredPoints, PointDeviations
-from lensforge.addons.measure.capability import cp, upper_cpk
+from lensforge.addons.measure.capability import cp, cpk
 from lensforge.addons.measure.first_cut import FilterRange, FirstCut, Request, TriedFilter, deviations_of
 from lensforge.addons.measure.measured_points import PartPoints
 from lensforge.addons.measure.measurement_result import USED_SHARE, Registration
 from lensforge.addons.measure.nominal_face import FacePixels, NominalFace
+from lensforge.addons.measure.part_places import left_by, place_capabilities
 from lensforge.addons.measure.part_scatter import PartScatter
 from lensforge.addons.measure.part_series import CavityForm, PartForm, PartSeries
-from lensforge.addons.measure.registration import Registered, RigidMotion, registered
+from lensforge.addons.measure.registration import Registered, RigidMotion, register, registered
 from lensforge.errors import FileWarning, InputError
 from lensforge.results.numerals import percent
 
 
-def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request, zone_um: float | None) -> FirstCut:
+def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request) -> FirstCut:
     """The measured face of one part, or what several parts have in common: the mean over their cavities.
 
-    ``zone_um``: width of the zone of the form tolerance, for their capability. Raises :class:`InputError` for points
-    that cannot be registered, and for a part that is not of this lens, or like no other.
+    Raises :class:`InputError` for points that cannot be registered, and for a part that is not of this lens, or like
+    no other.
     """
     if len(parts) == 1:
         return FirstCut.of(face.surface, face.patch, parts[0].cloud, request, face.domain)
@@ -53,6 +54,9 @@ def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request,
     filters = [TriedFilter.of(part.points, wavelength_mm) for part in placed]
     scatter = _scatter(parts, [tried.filtered for tried in filters], face.pixels)
     scatter.require_alike()
+    judged = left_by(request.registration, face.limits.places)
+    motions = [register(face.patch, part.placed.points) for part in placed] if judged else []
+    places = tuple(place_capabilities(motions, scatter.groups, judged)) if judged else ()
     residuals = pooled.deviations - cut.likeliest.values
     return replace(
         cut,
@@ -60,7 +64,9 @@ def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request,
         noise_mm=float(np.sqrt(np.mean([tried.noise_mm**2 for tried in filters]))),
         again=cut.likeliest.values + np.repeat(scatter.contrast(), counts) * residuals,
         count=sum(len(part.cloud) for part in parts),
-        series=_series(scatter, face.pixels, wavelength_mm, zone_um),
+        series=_series(scatter, face, wavelength_mm).changed(
+            places=places, place_registered=len(judged) < len(face.limits.places)
+        ),
     )
 
 
@@ -121,7 +127,9 @@ def _scatter(parts: Sequence[PartPoints], filtered: Sequence[FilteredPoints], pi
     )
 
 
-def _series(scatter: PartScatter, pixels: FacePixels, wavelength_mm: float, zone_um: float | None) -> PartSeries:
+def _series(scatter: PartScatter, face: NominalFace, wavelength_mm: float) -> PartSeries:
+    pixels = face.pixels
+    zone_um = face.limits.zone_um
     profiles = 2.0 * np.abs(scatter.deviations).max(axis=1)
     forms = (
         PartForm(
@@ -157,7 +165,7 @@ def _series(scatter: PartScatter, pixels: FacePixels, wavelength_mm: float, zone
         between_um=scatter.between,
         zone_um=zone_um,
         cp=None if zone_um is None else cp(zone_um, scatter.repeatability),
-        cpk=None if zone_um is None else upper_cpk(zone_um, [profiles[group] for group in scatter.groups]),
+        cpk=None if zone_um is None else cpk([profiles[group] for group in scatter.groups], zone_um),
         exchanged=scatter.exchanged(),
         scatter_map_um=pixels.over_face(scatter.at_places),
     )

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lensforge.addons.measure.capability import cp, upper_cpk
+from lensforge.addons.measure.capability import cp, cpk
 from lensforge.addons.measure.part_scatter import PartScatter
 from lensforge.addons.measure.part_series import PartSeries
 from lensforge.errors import InputError
@@ -117,7 +117,7 @@ def test_capability_is_the_closed_form_on_each_side_of_the_limit(limit: float, s
     groups = [10.0 + rng.normal(size=40), 12.0 + 1.5 * rng.normal(size=30)]
     pooled = np.sqrt((39 * np.var(groups[0], ddof=1) + 29 * np.var(groups[1], ddof=1)) / 68)
     wanted = (limit - groups[1].mean()) / (3.0 * pooled)
-    made = upper_cpk(limit, groups)
+    made = cpk(groups, limit)
     assert made.value == pytest.approx(wanted)
     assert made.standard_error == pytest.approx(np.sqrt(1.0 / (9 * 30) + wanted**2 / (2 * 68)))
     fact = next(fact for fact in facts_in(record(cpk=made)) if fact.key == "cpk")
@@ -126,7 +126,7 @@ def test_capability_is_the_closed_form_on_each_side_of_the_limit(limit: float, s
 
 def test_errors_of_capability_are_those_of_drawn_parts() -> None:
     rng = np.random.default_rng(1)
-    drawn = [upper_cpk(7.0, [rng.normal(1.0, 1.0, 12), rng.normal(2.0, 1.0, 12)]) for _ in range(2000)]
+    drawn = [cpk([rng.normal(1.0, 1.0, 12), rng.normal(2.0, 1.0, 12)], 7.0) for _ in range(2000)]
     values = np.array([made.value for made in drawn])
     assert values.mean() == pytest.approx(5.0 / 3.0, rel=0.06), "of few parts a little above"
     assert np.mean([made.standard_error for made in drawn]) == pytest.approx(values.std(), rel=0.1)

@@ -81,7 +81,7 @@ PARTS = [
 
 @pytest.fixture(scope="module")
 def cut() -> FirstCut:
-    return common_cut(PARTS, FACE, Request(), 30.0)
+    return common_cut(PARTS, FACE, Request())
 
 
 @pytest.fixture(scope="module")
@@ -176,11 +176,11 @@ def test_a_part_of_another_lens_is_refused_by_its_name() -> None:
     u = fibonacci_hemisphere(500)
     far = PartPoints(u * (LENS.inner.radius(u) + 0.2 * forms(u)[0])[:, None], "C7_9.csv", "C7")
     with pytest.raises(InputError, match=r"^C7_9.csv: its form is .* from that of the nearest part, where others dif"):
-        common_cut([*PARTS[:4], far], FACE, Request(), None)
+        common_cut([*PARTS[:4], far], FACE, Request())
     half = replace(PARTS[0], cloud=np.concatenate([PARTS[0].cloud, 1.3 * PARTS[0].cloud[::2]]))
     share = r"^C1_0.csv: 6\d\.?\d*\u2009% of its points lie on the face, must be 90\u2009% at least: is it of another"
     with pytest.raises(InputError, match=share):
-        common_cut([half, PARTS[1]], FACE, Request(), None)
+        common_cut([half, PARTS[1]], FACE, Request())
 
 
 def test_mixed_up_labels_are_told() -> None:
@@ -189,7 +189,7 @@ def test_mixed_up_labels_are_told() -> None:
     mixed = [replace(of, cavity=label) for of, label in zip(parts, labels, strict=True)]
     mixed[3].cloud[7] = 0.0
     with pytest.warns(FileWarning, match=r"^C7_5.csv: points: 1 at 0, 0, 0, as a machine writes what it did not reach"):
-        cut = common_cut(mixed, FACE, Request(), None)
+        cut = common_cut(mixed, FACE, Request())
     assert cut.series.exchanged == ("C2_2.csv", "C7_3.csv")
 
 
