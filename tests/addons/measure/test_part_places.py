@@ -66,7 +66,7 @@ def test_capability_is_that_of_the_known_places(cut: FirstCut, direction: str) -
     assert made.cpk.value == pytest.approx(min(margins) / (3.0 * scatter), rel=0.04)
     wanted = np.sqrt(1.0 / (9.0 * len(worst)) + made.cpk.value**2 / 10.0)
     assert made.cpk.standard_error == pytest.approx(wanted)
-    assert 0.0 < made.part_error < 0.15 * scatter
+    assert 0.0 < made.part_error < 0.3 * scatter
 
 
 def motions(count: int, error_um: float = 0.1) -> list[RigidMotion]:
