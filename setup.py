@@ -10,7 +10,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 
-SHIPPED = ("*.toml", "published/*.toml", "*.png", "*.step", "*.ies", "*.tm25ray")
+SHIPPED = ("*.toml", "published/*.toml", "made_lens/*", "*.png", "*.step", "*.ies", "*.tm25ray")
 
 
 class BuildWithExamples(build_py):

@@ -79,8 +79,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("frosted_spot", "soft_panel", "printed"),
     ),
     "For the shop": (
-        "Cutters, moulds that exist, and tolerances ([to the shop](shop.md)).",
-        ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),
+        "Cutters, moulds that exist, tolerances, and a lens that was made ([to the shop](shop.md)).",
+        ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face", "made_lens"),
     ),
     "Materials and covers": (
         "Other materials, coatings, given optics around the lens, and a housing in its light"

@@ -206,7 +206,7 @@ def schema(page: bool) -> None:
 @click.command()
 @click.argument("name", required=False)
 def examples(name: str | None) -> None:
-    """List the shipped specs, or copy the one called NAME here, with the files that it names."""
+    """List the shipped specs, or copy the one called NAME here, with the files that it names or that belong to it."""
     specs = shipped_specs()
     if name is None:
         for known, path in specs.items():
@@ -216,9 +216,11 @@ def examples(name: str | None) -> None:
     if stem not in specs:
         raise InputError(f"examples {name}: not found; known: {', '.join(specs)}")
     wanted = [specs[stem], *named_files(specs[stem])]
-    here = [path.name for path in wanted if Path(path.name).exists()]
+    copies = [path.relative_to(specs[stem].parent) for path in wanted]
+    here = [copy for copy in copies if copy.exists()]
     if here:
         raise InputError(f"{here[0]}: exists and is not overwritten; copy {stem} into another folder")
-    for path in wanted:
-        write_file(path.name, path.read_bytes())
-    click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {shlex.quote(wanted[0].name)}")
+    for copy, path in zip(copies, wanted, strict=True):
+        copy.parent.mkdir(exist_ok=True)
+        write_file(copy, path.read_bytes())
+    click.echo(f"{', '.join(map(str, copies))}\tlensforge design {shlex.quote(copies[0].name)}")

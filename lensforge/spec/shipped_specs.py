@@ -36,9 +36,10 @@ def first_sentence(spec: Path) -> str:
 
 
 def named_files(spec: Path) -> list[Path]:
-    """The files that a spec names beside it."""
+    """The files that a spec names beside it, and those of a folder that is called like it."""
     texts = _texts(tomllib.loads(spec.read_text(encoding="utf-8")))
-    return [spec.parent / text for text in texts if Path(text).name == text and (spec.parent / text).is_file()]
+    named = [spec.parent / text for text in texts if Path(text).name == text and (spec.parent / text).is_file()]
+    return [*named, *sorted(path for path in spec.with_suffix("").glob("*") if path.is_file())]
 
 
 def _texts(value: object) -> Iterator[str]:

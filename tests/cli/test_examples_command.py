@@ -19,6 +19,8 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 SPECS = {path.relative_to(EXAMPLES).with_suffix("").as_posix() for path in EXAMPLES.rglob("*.toml")}
 
+PHOTOGRAPHS = [f"made_lens/{name}" for name in ("off.png", "poses.csv", *(f"led_{number}.png" for number in range(7)))]
+
 
 def ran(*arguments: str) -> Result:
     return CliRunner().invoke(cli, ["examples", *arguments])
@@ -33,7 +35,13 @@ def test_the_list_names_every_shipped_spec_and_its_content() -> None:
 
 @pytest.mark.parametrize(
     ("name", "files"),
-    [("pi", []), ("image", ["arrow.png"]), ("from_ies.toml", ["street_light.ies"]), ("published/circle", [])],
+    [
+        ("pi", []),
+        ("image", ["arrow.png"]),
+        ("from_ies.toml", ["street_light.ies"]),
+        ("published/circle", []),
+        ("made_lens", PHOTOGRAPHS),
+    ],
 )
 def test_a_copy_has_the_files_that_it_names(
     name: str, files: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -42,7 +50,8 @@ def test_a_copy_has_the_files_that_it_names(
     assert ran(name).exit_code == 0
     source = (EXAMPLES / name.removesuffix(".toml")).with_suffix(".toml")
     stem = source.stem
-    assert {path.name for path in tmp_path.iterdir()} == {f"{stem}.toml", *files}
+    copied = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert {path.relative_to(tmp_path).as_posix() for path in copied} == {f"{stem}.toml", *files}
     for file in (f"{stem}.toml", *files):
         assert (tmp_path / file).read_bytes() == (source.parent / file).read_bytes()
     assert load_spec(f"{stem}.toml").name == stem

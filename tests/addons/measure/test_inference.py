@@ -1,10 +1,11 @@
 """Errors of a made lens from pictures of its light: hidden ones are found again, and wrong pictures are refused."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hidden_errors import light_of, made_lens
 from photo_scenes import homography
 from PIL import Image
 from presets import FEW
@@ -15,10 +16,9 @@ import lensforge as lf
 from lensforge.addons.measure.form_unknowns import FormUnknowns
 from lensforge.addons.measure.picture_model import PictureModel
 from lensforge.light.lens_light import source_of
-from lensforge.light.simulation import TracedLens, simulate
+from lensforge.light.simulation import TracedLens
 from lensforge.scene.receiver_shapes import receivers_of
 from lensforge.surfaces.srbf import SrbfSurface
-from lensforge.surfaces.surface import Surface
 
 SPEC = small_spec(
     source__side_mm=0.5,
@@ -34,59 +34,19 @@ CORNER_PX = 0.2
 LED_OFF_MM = np.array([0.015, -0.012, 0.0])  # where the LED stands by mistake
 # Coefficients (µm) by the names of the record.
 HIDDEN = {"inner coma x": 2.0, "inner astigmatism 45°": -1.5, "outer trefoil 0°": 2.5, "outer spherical": -1.8}
-DECENTRE_UM = np.array([9.0, -6.0, 0.0])
-
-
-def forms(directions):
-    """The polynomials of the hidden errors, in Cartesian coordinates of the equal-area disc."""
-    x, y = (directions[:, :2] / np.sqrt(1.0 + directions[:, 2:])).T
-    square = x**2 + y**2
-    return {
-        "inner coma x": 8**0.5 * (3.0 * square - 2.0) * x,
-        "inner astigmatism 45°": 6**0.5 * 2.0 * x * y,
-        "outer trefoil 0°": 8**0.5 * (x**3 - 3.0 * x * y**2),
-        "outer spherical": 5**0.5 * (6.0 * square**2 - 6.0 * square + 1.0),
-    }
-
-
-@dataclass(frozen=True)
-class Made(Surface):
-    """A face with its hidden errors (along the normal), and displaced by ``shift_mm``."""
-
-    designed: Surface
-    face: str
-    shift_mm: np.ndarray
-
-    @property
-    def detail_rad(self):
-        return self.designed.detail_rad
-
-    def radius(self, directions):
-        normals = self.designed.normal(directions)
-        along = normals @ self.shift_mm
-        for name, shape in forms(directions).items():
-            if name.startswith(self.face):
-                along = along + 1e-3 * HIDDEN[name] * shape
-        return self.designed.radius(directions) + along / (normals * directions).sum(axis=1)
+DECENTRE_UM = {"decentre x": 9.0, "decentre y": -6.0}
 
 
 def pictures_of(lens, folder: Path):
     """Photographs of the made lens with the LED at each place, and the table of the places."""
-    none = np.zeros(3)
-    inner = Made(lens.inner, "inner", none)
-    outer = Made(lens.outer, "outer", 1e-3 * DECENTRE_UM)
+    made = made_lens(lens, HIDDEN | DECENTRE_UM, FEW)
     noise = np.random.default_rng(8)
     columns, rows = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     seen = np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
     x, y, w = np.linalg.inv(homography(CORNERS, (200.0, 200.0))) @ seen
     paths = []
     for number, place in enumerate(LED_MM):
-        spec = lens.spec.model_copy(
-            update={"source": lens.spec.source.model_copy(update={"position_mm": tuple(place + LED_OFF_MM)})}
-        )
-        made = TracedLens._of_one(lf.Lens.double(inner, outer, spec, 0, FEW), 4.0)
-        received = simulate(made, source_of(spec), receivers_of(spec, 128), 2**21, 40 + number).received[0]
-        light = received.images.mean(axis=0)
+        light = light_of(made, place + LED_OFF_MM, 40 + number)
         at = [(y / w + 100.0) / 1.5625 - 0.5, (x / w + 100.0) / 1.5625 - 0.5]
         image = map_coordinates(light / light.max(), at, order=1, mode="nearest").reshape(SIZE[::-1])
         image = 0.7 * (1.0 + 0.03 * number) * image + 0.007 * noise.normal(size=image.shape)
@@ -124,7 +84,7 @@ def options(folder: Path, **changes):
 
 def test_hidden_errors_are_found_within_their_standard_errors(lens: lf.Lens, shots: Path) -> None:
     made = lf.infer(lens, **options(shots))
-    true = HIDDEN | {"decentre x": 9.0, "decentre y": -6.0, "LED x": 15.0, "LED y": -12.0}
+    true = HIDDEN | DECENTRE_UM | {"LED x": 15.0, "LED y": -12.0}
     pulls = {
         error.name: (error.value.value - true.get(error.name, 0.0)) / error.value.standard_error
         for error in made.errors

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from hidden_errors import FORMS, polynomials
 from measured_lenses import lens
 from measured_records import make_inference
 from second_cuts import CutAgain, cosine
@@ -22,7 +23,6 @@ from lensforge.results import Metric
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 LENS = lens()
-FORMS = ("power", "astigmatism 0°", "astigmatism 45°", "coma x", "coma y", "trefoil 0°", "trefoil 30°", "spherical")
 PLACES = {
     "decentre x": 10.0,
     "decentre y": 10.0,
@@ -38,26 +38,14 @@ U = fibonacci_hemisphere(3000)
 
 
 def errors_along_normal(face: str, u: np.ndarray) -> dict[str, np.ndarray]:
-    """Noll's polynomials 4 to 11 in Cartesian coordinates of the equal-area disc, and motions (um)."""
-    x, y = (u[:, :2] / np.sqrt(1.0 + u[:, 2:])).T
-    square = x * x + y * y
-    shapes = (
-        3**0.5 * (2 * square - 1),
-        6**0.5 * (x * x - y * y),
-        6**0.5 * 2 * x * y,
-        8**0.5 * (3 * square - 2) * x,
-        8**0.5 * (3 * square - 2) * y,
-        8**0.5 * (x**3 - 3 * x * y * y),
-        8**0.5 * (3 * x * x * y - y**3),
-        5**0.5 * (6 * square**2 - 6 * square + 1),
-    )
+    """Forms and motions of a face along its normal (um), by a unit of each error."""
     of = LENS.surfaces[face]
     points = of.radius(u)[:, None] * u
     normals = of.normal(u)
     about_x = points[:, 1] * normals[:, 2] - points[:, 2] * normals[:, 1]
     about_y = points[:, 2] * normals[:, 0] - points[:, 0] * normals[:, 2]
     moved = dict(zip(PLACES, (*normals.T, about_x, about_y), strict=False)) if face == "outer" else {}
-    return {**{f"{face} {form}": shape for form, shape in zip(FORMS, shapes, strict=True)}, **moved}
+    return {**{f"{face} {form}": shape for form, shape in polynomials(u).items()}, **moved}
 
 
 def deviation_um(face: str, amounts: dict[str, float], u: np.ndarray) -> np.ndarray:
