@@ -2,24 +2,9 @@
 
 from typing import Annotated, ClassVar
 
-import numpy as np
-from jaxtyping import Float
-
-from lensforge.addons.measure.measurement_result import Clipped, Located, Pixel, Residual
+from lensforge.addons.measure.measurement_result import Clipped, Covariance, Located, Pixel, Residual
 from lensforge.public import public
-from lensforge.results import (
-    Array,
-    Count,
-    Metric,
-    NotNegative,
-    Number,
-    Positive,
-    Record,
-    Share,
-    StageResult,
-    Text,
-    stated,
-)
+from lensforge.results import Count, Metric, NotNegative, Number, Positive, Record, Share, StageResult, Text, stated
 from lensforge.results.criteria import Criteria
 from lensforge.results.figure import Criterion, Figure
 from lensforge.results.numerals import percent, quantity
@@ -51,8 +36,8 @@ class InferredError(Record):
 
     @property
     def is_told(self) -> bool:
-        """True if its standard error is less than what is expected of it, so that it can be corrected."""
-        return self.is_seen and (self.value.standard_error or 0.0) <= NOT_SEEN * self.expected
+        """True if its standard error is less than what is expected of it: its correction is one."""
+        return (self.value.standard_error or 0.0) <= NOT_SEEN * self.expected
 
 
 class FurtherPicture(Record):
@@ -127,7 +112,7 @@ class Inference(StageResult):
     seed: Count
     seconds: NotNegative
     criteria: Criteria = ()
-    covariance: Annotated[Float[np.ndarray, "k k"], Array("k", "k")]
+    covariance: Covariance
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot each error and its standard error, in units of its prior standard deviation."""

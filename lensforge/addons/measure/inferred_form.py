@@ -4,8 +4,8 @@ Errors that the pictures tell are its deviation. The others stay as they are: th
 what is wrong in any of them, by their covariance. Places of an even pattern stand for points.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,11 @@ from lensforge.addons.measure.areal_filter import ArealFilter, PointDeviations
 from lensforge.addons.measure.first_cut import FilterRange, FirstCut, Request
 from lensforge.addons.measure.form_unknowns import DECENTRE, FORMS, TILT, zernike
 from lensforge.addons.measure.inference_result import Inference
-from lensforge.addons.measure.measurement_result import InferredForm, Registration
+from lensforge.addons.measure.measurement_result import InferredForm
 from lensforge.addons.measure.nominal_face import NominalFace
 from lensforge.addons.measure.registration import Registered, RigidMotion
 from lensforge.errors import InputError
+from lensforge.results import Metric
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
@@ -26,21 +27,22 @@ from lensforge.surfaces.surface import Surface
 _PLACES = 4000
 _SEED = 0  # of the errors that are drawn
 _UNIT = 1e-3  # mm of a µm, rad of a mrad
+_NAMES = (*DECENTRE, *TILT)
+# Errors of the place that count as form, and those that are its pose.
+_BY_REGISTRATION = {"rigid": ((), _NAMES), "shift": (TILT, DECENTRE), "none": (_NAMES, ())}
 
 
-def read_inference(path: Path, lens: Lens) -> Inference:
-    """The errors of the made ``lens`` that ``infer`` wrote to ``path``, a JSON file or a result folder.
+def inference_of(inferred: Inference | Path, lens: Lens) -> Inference:
+    """The errors of the made ``lens``, or those that ``infer`` wrote to a JSON file or a result folder.
 
-    Raises :class:`InputError` for another file, and for those of another lens.
+    Raises :class:`InputError` for another file, and for errors of another lens.
     """
-    return require_of(Inference.read(path) if path.is_dir() else Inference.read(path.parent, path.stem), lens)
-
-
-def require_of(made: Inference, lens: Lens) -> Inference:
-    """``made`` itself. Raises :class:`InputError` for errors of another lens."""
-    if made.inputs["lens"] != lens.sha256:
+    if isinstance(inferred, Path):
+        folder, stem = (inferred, None) if inferred.is_dir() else (inferred.parent, inferred.stem)
+        inferred = Inference.read(folder, stem)
+    if inferred.inputs["lens"] != lens.sha256:
         raise InputError("inferred: the errors of another lens; run `lensforge infer` in the folder of this one")
-    return made
+    return inferred
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,9 @@ def inferred_cut(made: Inference, lens: Lens, face: NominalFace, request: Reques
     """
     directions = face.domain.held(fibonacci_hemisphere(_PLACES))
     is_placed = face.name == [*lens.surfaces][-1]
+    as_form, as_pose = _BY_REGISTRATION[request.registration] if is_placed else ((), ())
     by_unit = {f"{face.name} {form}": _UNIT * field for form, field in zip(FORMS, zernike(directions).T, strict=True)}
-    if is_placed:
-        by_unit |= _moved(face.surface, directions, request.registration)
+    by_unit |= {name: field for name, field in _moved(face.surface, directions).items() if name in as_form}
     empty = PointDeviations(face.surface, directions, np.zeros(len(directions)), face.domain)
     errors = _Errors.of(made, {name: field / empty.cosines for name, field in by_unit.items()})
     if not errors.told.any():
@@ -104,16 +106,14 @@ def inferred_cut(made: Inference, lens: Lens, face: NominalFace, request: Reques
             f"inferred: the pictures tell no form error of the {face.name} face; take a further one with the "
             f"{made.further}, and infer again"
         )
-    points = PointDeviations(
-        face.surface, directions, errors.fields @ np.where(errors.told, errors.amounts, 0.0), face.domain
-    )
+    points = replace(empty, deviations=errors.fields @ np.where(errors.told, errors.amounts, 0.0))
     span = FilterRange.of(points)
     wavelength_mm = span.shortest_mm if request.wavelength_mm is None else request.wavelength_mm
     span.require(wavelength_mm)
     filtered = ArealFilter(points, wavelength_mm).solve()
     kept, rms_mm = errors.kept(points, request.gain)
     return FirstCut(
-        placed=Registered(_motion(made, request.registration, is_placed), directions, 1.0),
+        placed=Registered(_motion(made, as_pose), directions, 1.0),
         points=points,
         covered=1.0,
         span=span,
@@ -125,29 +125,21 @@ def inferred_cut(made: Inference, lens: Lens, face: NominalFace, request: Reques
         inferred=InferredForm(
             pictures=len(made.pictures),
             chi_square=made.chi_square,
-            error_um=1e3 * rms_mm,
             left=tuple(name for name, told in zip(errors.names, errors.told, strict=True) if not told),
         ),
     )
 
 
-def _moved(
-    surface: Surface, directions: Float[np.ndarray, "n 3"], registration: Registration
-) -> dict[str, Float[np.ndarray, " n"]]:
-    """Deviations (mm) along the normal of a face that is out of place by a unit, as far as they count as form."""
+def _moved(surface: Surface, directions: Float[np.ndarray, "n 3"]) -> dict[str, Float[np.ndarray, " n"]]:
+    """Deviations (mm) along the normal of a face that is out of place by a unit."""
     normals = surface.normal(directions)
     turned = np.cross(surface.radius(directions)[:, None] * directions, normals)
-    shifts = dict(zip(DECENTRE, _UNIT * normals.T, strict=True)) if registration == "none" else {}
-    tilts = dict(zip(TILT, _UNIT * turned[:, :2].T, strict=True)) if registration != "rigid" else {}
-    return {**shifts, **tilts}
+    return dict(zip(_NAMES, _UNIT * np.concatenate([normals, turned[:, :2]], axis=1).T, strict=True))
 
 
-def _motion(made: Inference, registration: Registration, is_placed: bool) -> RigidMotion:
-    """The motion that brings the face to its place, as far as ``registration`` takes it out."""
-    by_name = {error.name: error.value for error in made.errors}
-    rotation, translation = np.zeros((2, 2, 3))
-    for number, name in enumerate(TILT if is_placed and registration == "rigid" else ()):
-        rotation[:, number] = _UNIT * np.array([-by_name[name].value, by_name[name].standard_error])
-    for number, name in enumerate(DECENTRE if is_placed and registration != "none" else ()):
-        translation[:, number] = _UNIT * np.array([-by_name[name].value, by_name[name].standard_error])
-    return RigidMotion(rotation[0], translation[0], rotation[1], translation[1])
+def _motion(made: Inference, as_pose: Collection[str]) -> RigidMotion:
+    """The motion that brings a face to its place which is out of it by the errors ``as_pose``."""
+    by_name = {error.name: error.value for error in made.errors if error.name in as_pose}
+    metrics = [by_name.get(name, Metric(value=0.0)) for name in (*TILT, "turn", *DECENTRE)]
+    values, errors = _UNIT * np.array([(-metric.value, metric.standard_error or 0.0) for metric in metrics]).T
+    return RigidMotion(values[:3], values[3:], errors[:3], errors[3:])

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args, overload
 
 from lensforge.addon import require_libraries
+from lensforge.addons.measure.inference_result import Inference
 from lensforge.addons.measure.measured_points import measured_parts
 from lensforge.addons.measure.measurement_result import (
     Correction,
@@ -31,8 +32,6 @@ from lensforge.scene.lens import Lens
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Bool, Float
-
-    from lensforge.addons.measure.inference_result import Inference
 
 
 RAYS = 2**21  # of each picture of a model
@@ -200,7 +199,7 @@ def correct(
     *,
     surface: str,
     points: Path | str | None = None,
-    inferred: "Inference | Path | str | None" = None,
+    inferred: Inference | Path | str | None = None,
     wavelength_mm: float | None = None,
     gain: float = 1.0,
     registration: Registration = "rigid",
@@ -235,14 +234,15 @@ def correct(
     """
     from lensforge.addons.measure.correction import correct_face
     from lensforge.addons.measure.first_cut import Request
-    from lensforge.addons.measure.inferred_form import inferred_cut
+    from lensforge.addons.measure.inferred_form import inference_of, inferred_cut
     from lensforge.addons.measure.measured_surface import ChangedLens
     from lensforge.addons.measure.nominal_face import NominalFace
     from lensforge.addons.measure.several_parts import common_cut
 
     require(lens, Lens, "correct").spec.lens.require_stage("correct")
     file = path_of("points", points)
-    if (file is None) == (inferred is None):
+    made = inferred if isinstance(inferred, Inference) else path_of("inferred", inferred)
+    if (file is None) == (made is None):
         raise InputError(
             "correct: give one of two: points measured on the first cut, --points FILE, or its errors by pictures, "
             "--inferred infer.json"
@@ -255,24 +255,13 @@ def correct(
     cuts, conditions = ChangedLens.of(lens, side, rays)
     face = NominalFace.of(lens, side)
     with threads_of_torch(threads):
-        if file is None:
-            cut = inferred_cut(_inference_of(inferred, lens), lens, face, request)
+        if made is not None:
+            cut = inferred_cut(inference_of(made, lens), lens, face, request)
         else:
+            assert file is not None
             cut = common_cut(measured_parts(file, lens, side), face, request)
         correction = correct_face(cut, face, cuts, request)
     return correction.changed(conditions=conditions)
-
-
-def _inference_of(inferred: "Inference | Path | str | None", lens: Lens) -> "Inference":
-    """The errors themselves, or those in their file. Raises :class:`InputError` for those of another lens."""
-    from lensforge.addons.measure.inference_result import Inference
-    from lensforge.addons.measure.inferred_form import read_inference, require_of
-
-    if isinstance(inferred, Inference):
-        return require_of(inferred, lens)
-    path = path_of("inferred", inferred)
-    assert path is not None
-    return read_inference(path, lens)
 
 
 @public
@@ -289,7 +278,7 @@ def infer(
     rays: int | None = None,
     pixels: int | None = None,
     threads: int | None = None,
-) -> "Inference":
+) -> Inference:
     """Infer low-order errors of a made lens from pictures of its light with the LED moved.
 
     The form of both faces, the place of the outer one, of LED and lens, and the index, each with its standard error;

@@ -114,6 +114,7 @@ Residual = Annotated[
         name="inferred_residual",
     ),
 ]
+Covariance = Annotated[Float[np.ndarray, "k k"], Array("k", "k")]
 Pixel = tuple[Number, Number]  # column, row
 AxisName = Literal["x", "y"]
 Registration = Literal["rigid", "shift", "none"]
@@ -429,21 +430,12 @@ class CutterLimit(Record):
 class InferredForm(Record):
     """Errors of a face by pictures of its light, in the place of measured points.
 
-    ``pictures``: number of these. ``chi_square``: of their residual. ``error_um``: standard error of the face, rms over
-    the area. ``left``: names of errors that the pictures do not tell, and that are not corrected.
+    ``pictures``: number of these. ``chi_square``: of their residual. ``left``: names of errors that the pictures do not
+    tell, and that are not corrected.
     """
 
     pictures: Count
     chi_square: Residual
-    error_um: Annotated[
-        NotNegative,
-        Figure(
-            "Standard error of the face",
-            lambda made: f"rms, by {made.inferred.pictures} pictures",
-            key="inferred_error",
-            digits=2,
-        ),
-    ]
     left: Annotated[
         tuple[Text, ...],
         Figure(
@@ -457,9 +449,8 @@ class InferredForm(Record):
 
 
 def _why_filtered(made: Any) -> str:
-    if made.wavelength_given:
-        return "given"
-    return "from the noise of the points" if made.inferred is None else "for errors of low order"
+    by_itself = "from the noise of the points" if made.inferred is None else "for errors of low order"
+    return f"longer waves pass; {'given' if made.wavelength_given else by_itself}"
 
 
 @public
@@ -511,13 +502,22 @@ class Correction(MeasuredFace):
         Positive,
         Figure(
             "Filter",
-            lambda made: f"longer waves pass; {_why_filtered(made)}",
+            _why_filtered,
             key="filter",
             digits=3,
         ),
     ]
     wavelength_given: Flag
-    noise_rms_um: NotNegative
+    noise_rms_um: Annotated[
+        NotNegative,
+        Figure(
+            "Standard error of the face",
+            lambda made: f"rms, by {made.inferred.pictures} pictures",
+            key="inferred_error",
+            digits=2,
+            when=lambda made: made.inferred is not None,
+        ),
+    ]
     residual_rms_um: Annotated[
         NotNegative,
         Figure(

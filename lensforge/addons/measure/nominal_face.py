@@ -62,38 +62,33 @@ class FacePixels:
 
 
 @dataclass(frozen=True)
-class FaceLimits:
-    """Tolerances of a face: full width of the zone of its form (None for none), and those of its place, either way.
-
-    ``places``: by their fields in the spec, such as "shift_mm"; none of a face against which others are placed.
-    """
-
-    zone_um: float | None
-    places: Mapping[str, float]
-
-    @staticmethod
-    def of(lens: Lens, side: str) -> "FaceLimits":
-        """Those of the face ``side`` of ``lens``, as its drawing states them."""
-        amounts = {name: lens.spec.part_tolerances.amount(side, name) for name in PLACEMENT}
-        places = {name: amount for name, amount in amounts.items() if amount > 0.0}
-        return FaceLimits(lens.spec.manufacture.form_tolerance_um, places)
-
-
-@dataclass(frozen=True)
 class NominalFace:
-    """A face of a lens: its surface, the patch that stands for it, where it lies, its pixels, and its tolerances."""
+    """A face of a lens: its surface, the patch that stands for it, where it lies, and the pixels of its maps.
+
+    ``zone_um``: full width of the tolerance zone of its form; ``places``: tolerances of its place, either way, by their
+    fields in the spec; none of a face against which others are placed.
+    """
 
     name: str
     surface: Surface
     patch: Patch
     domain: Domain
     pixels: FacePixels
-    limits: FaceLimits
+    zone_um: float | None
+    places: Mapping[str, float]
 
     @staticmethod
     def of(lens: Lens, side: str) -> "NominalFace":
         """The face ``side`` of ``lens``."""
         patch = fit_patch(lens.surfaces[side])
         domain = domain_of(lens, side)
-        pixels = FacePixels.of(patch, domain)
-        return NominalFace(side, lens.surfaces[side], patch, domain, pixels, FaceLimits.of(lens, side))
+        amounts = {name: lens.spec.part_tolerances.amount(side, name) for name in PLACEMENT}
+        return NominalFace(
+            name=side,
+            surface=lens.surfaces[side],
+            patch=patch,
+            domain=domain,
+            pixels=FacePixels.of(patch, domain),
+            zone_um=lens.spec.manufacture.form_tolerance_um,
+            places={name: amount for name, amount in amounts.items() if amount > 0.0},
+        )

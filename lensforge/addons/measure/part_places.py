@@ -14,20 +14,19 @@ from lensforge.addons.measure.measurement_result import Registration
 from lensforge.addons.measure.part_series import PlaceCapability
 from lensforge.addons.measure.registration import RigidMotion
 from lensforge.results import Metric
+from lensforge.spec.tolerances_section import PLACEMENT
 
-_LEFT_BY: Mapping[Registration, tuple[str, ...]] = {
-    "none": ("shift_mm", "gap_mm", "tilt_deg"),
-    "shift": ("tilt_deg",),
-    "rigid": (),
-}  # places that a registration leaves as they were measured
-_X, _Y, _Z = range(3)
-_SHIFTS = {"shift in x": ("shift_mm", _X), "shift in y": ("shift_mm", _Y), "shift in z": ("gap_mm", _Z)}
-_TILTS = {"tilt about x": ("tilt_deg", _X), "tilt about y": ("tilt_deg", _Y)}
+# Places that a registration leaves as they were measured.
+_LEFT_BY: dict[Registration, tuple[str, ...]] = {"none": PLACEMENT, "shift": ("tilt_deg",), "rigid": ()}
+_DIRECTIONS = {
+    "shift in x": "shift_mm", "shift in y": "shift_mm", "shift in z": "gap_mm",
+    "tilt about x": "tilt_deg", "tilt about y": "tilt_deg",
+}  # fmt: skip
 _UM = 1e3  # of a mm
 
 
 def left_by(registration: Registration, places: Mapping[str, float]) -> dict[str, float]:
-    """Those of the tolerances of ``places`` that can be judged after this ``registration``."""
+    """Take those tolerances of ``places`` that can be judged after this ``registration``."""
     return {name: amount for name, amount in places.items() if name in _LEFT_BY[registration]}
 
 
@@ -38,35 +37,28 @@ def place_capabilities(
 
     A direction that the points of a part do not determine, or in which no part differs from another, has none.
     """
-    shifts = _UM * np.array([motion.pose.inverse.origin_mm for motion in motions])
-    tilts = -np.degrees([motion.rotation_rad for motion in motions])
-    shift_errors = _UM * np.array([motion.translation_error_mm for motion in motions])
-    tilt_errors = np.degrees([motion.rotation_error_rad for motion in motions])
-    for directions, values, errors, unit, factor in (
-        (_SHIFTS, shifts, shift_errors, "µm", _UM),
-        (_TILTS, tilts, tilt_errors, "deg", 1.0),
-    ):
-        for direction, (name, axis) in directions.items():
-            differs = any(np.ptp(values[[*group], axis]) > 0.0 for group in groups)
-            if name in limits and differs and np.isfinite(errors[:, axis]).all():
-                yield _capability(direction, values[:, axis], errors[:, axis], groups, factor * limits[name], unit)
+    shifts = [[*motion.pose.inverse.origin_mm, *-motion.rotation_rad[:2]] for motion in motions]
+    errors = [[*motion.translation_error_mm, *motion.rotation_error_rad[:2]] for motion in motions]
+    units = np.array([_UM, _UM, _UM, np.degrees(1.0), np.degrees(1.0)])
+    columns = zip(_DIRECTIONS.items(), (units * shifts).T, (units * errors).T, strict=True)
+    for (direction, name), values, wrong in columns:
+        by_group = [values[[*group]] for group in groups]
+        if name in limits and np.isfinite(wrong).all() and any(np.ptp(group) > 0.0 for group in by_group):
+            yield _capability(direction, by_group, wrong, limits[name])
 
 
 def _capability(
-    direction: str,
-    values: Float[np.ndarray, " p"],
-    errors: Float[np.ndarray, " p"],
-    groups: Sequence[Sequence[int]],
-    limit: float,
-    unit: str,
+    direction: str, by_group: Sequence[Float[np.ndarray, " _"]], errors: Float[np.ndarray, " p"], amount: float
 ) -> PlaceCapability:
-    by_group = [values[[*group]] for group in groups]
+    unit = "deg" if direction.startswith("tilt") else "µm"
+    limit = amount if unit == "deg" else _UM * amount
     worst = max(by_group, key=lambda group: abs(float(group.mean())))
     scatter = pooled(by_group, unit)
+    error = scatter.value / len(worst) ** 0.5
     return PlaceCapability(
         direction=direction,
         limit=limit,
-        mean=Metric(value=float(worst.mean()), unit=unit, standard_error=float(scatter.value / np.sqrt(len(worst)))),
+        mean=Metric(value=float(worst.mean()), unit=unit, standard_error=error),
         scatter=scatter,
         part_error=float(np.sqrt(np.mean(errors**2))),
         cp=cp(2.0 * limit, scatter),

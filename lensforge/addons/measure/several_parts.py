@@ -54,7 +54,7 @@ def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request)
     filters = [TriedFilter.of(part.points, wavelength_mm) for part in placed]
     scatter = _scatter(parts, [tried.filtered for tried in filters], face.pixels)
     scatter.require_alike()
-    judged = left_by(request.registration, face.limits.places)
+    judged = left_by(request.registration, face.places)
     motions = [register(face.patch, part.placed.points) for part in placed] if judged else []
     places = tuple(place_capabilities(motions, scatter.groups, judged)) if judged else ()
     residuals = pooled.deviations - cut.likeliest.values
@@ -65,7 +65,7 @@ def common_cut(parts: Sequence[PartPoints], face: NominalFace, request: Request)
         again=cut.likeliest.values + np.repeat(scatter.contrast(), counts) * residuals,
         count=sum(len(part.cloud) for part in parts),
         series=_series(scatter, face, wavelength_mm).changed(
-            places=places, place_registered=len(judged) < len(face.limits.places)
+            places=places, place_registered=len(judged) < len(face.places)
         ),
     )
 
@@ -129,7 +129,6 @@ def _scatter(parts: Sequence[PartPoints], filtered: Sequence[FilteredPoints], pi
 
 def _series(scatter: PartScatter, face: NominalFace, wavelength_mm: float) -> PartSeries:
     pixels = face.pixels
-    zone_um = face.limits.zone_um
     profiles = 2.0 * np.abs(scatter.deviations).max(axis=1)
     forms = (
         PartForm(
@@ -163,9 +162,9 @@ def _series(scatter: PartScatter, face: NominalFace, wavelength_mm: float) -> Pa
         common_error_um=scatter.common_error_um,
         repeatability_um=scatter.repeatability,
         between_um=scatter.between,
-        zone_um=zone_um,
-        cp=None if zone_um is None else cp(zone_um, scatter.repeatability),
-        cpk=None if zone_um is None else cpk([profiles[group] for group in scatter.groups], zone_um),
+        zone_um=face.zone_um,
+        cp=None if face.zone_um is None else cp(face.zone_um, scatter.repeatability),
+        cpk=None if face.zone_um is None else cpk([profiles[group] for group in scatter.groups], face.zone_um),
         exchanged=scatter.exchanged(),
         scatter_map_um=pixels.over_face(scatter.at_places),
     )

@@ -105,4 +105,4 @@ def test_a_registration_takes_places_out() -> None:
         place = next(fact for fact in facts_in(series) if fact.key == "place_registered")
         assert place.text == "not judged" and "--registration none" in place.note
     assert told == {"rigid": [], "shift": ["tilt about x", "tilt about y"]}
-    assert NominalFace.of(LENS, "inner").limits.places == {}, "the face against which the outer one is placed"
+    assert NominalFace.of(LENS, "inner").places == {}, "the face against which the outer one is placed"
