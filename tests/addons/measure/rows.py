@@ -152,6 +152,7 @@ FORGED = dict.fromkeys(
 JUDGED = {  # by criterion: its place in the record, its sense and its limit
     "photo_clipped": ("clipped", "<=", 0.01),
     "inferred_residual": ("chi_square", "<=", 2.0),
+    "correct inferred_residual": ("inferred.chi_square", "<=", 2.0),
     "inferred_errors": ("over_expected", "<=", 4.0),
     "points_used": ("used_share", ">=", 0.9),
     "surface_covered": ("covered_share", ">=", 0.8),
