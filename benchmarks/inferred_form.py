@@ -2,6 +2,7 @@
 
     python benchmarks/inferred_form.py 30 > pulls.md           # two minutes of processor time for each lens
     python benchmarks/inferred_form.py 5 --first 10
+    python benchmarks/inferred_form.py 30 --rays 65536         # of the model, for each picture; 524288 by default
 
 Each lens has Gaussian form errors of low orders of 4.5 um (inner face) and 4 um (outer face) in the mean, a decentre,
 and an LED out of its place. Its light is traced by its faces themselves, through tables finer than those of the model,
@@ -41,7 +42,7 @@ LED_MM = np.array(
     [[0.0, 0.0, 0.0], [0.25, 0.0, 0.0], [-0.25, 0.0, 0.0], [0.0, 0.25, 0.0], [0.0, -0.25, 0.0], [0.2, 0.2, 0.0],
      [-0.2, 0.2, 0.0], [0.0, 0.0, 0.2], [0.2, -0.2, 0.1]]
 )  # fmt: skip
-RAYS_OF_LIGHT, RAYS_OF_MODEL = 2**21, 2**19
+RAYS_OF_LIGHT = 2**21
 COLUMNS = ("lens", "left on the inner face (µm)", "on the outer face", "of the decentre", "pull", "χ²")
 
 
@@ -146,7 +147,7 @@ def write_picture(path: Path, light: Float[np.ndarray, "h w"]) -> None:
     Image.fromarray(np.round(65535 * np.clip(light, 0.0, 1.0)).astype(np.uint16)).save(path)
 
 
-def rows(lens: lf.Lens, numbers: range) -> Iterator[tuple[float, ...]]:
+def rows(lens: lf.Lens, numbers: range, rays: int) -> Iterator[tuple[float, ...]]:
     """A row of the table for each lens; the pull last but one."""
     for number in numbers:
         rng = np.random.default_rng(number)
@@ -156,7 +157,7 @@ def rows(lens: lf.Lens, numbers: range) -> Iterator[tuple[float, ...]]:
             paths = photographed(lens, hidden, folder, rng)
             corners = [tuple(corner) for corner in CORNERS + CORNER_PX * rng.normal(size=CORNERS.shape)]
             files = {"pictures": paths, "poses": folder / "poses.csv", "off": folder / "off.png"}
-            made = lf.infer(lens, **files, corners=corners, rays=RAYS_OF_MODEL)
+            made = lf.infer(lens, **files, corners=corners, rays=rays)
         known = np.array([*hidden.forms["inner"], *hidden.forms["outer"]])
         known = np.append(known, [hidden.by_name.get(error.name, 0.0) for error in made.errors[len(known) :]])
         wrong = np.array([error.value.value for error in made.errors]) - known
@@ -169,9 +170,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("lenses", type=int, nargs="?", default=3)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--rays", type=int, default=2**19)
     options = parser.parse_args()
     done = []
-    for row in rows(designed_lens(), range(options.first, options.first + options.lenses)):
+    for row in rows(designed_lens(), range(options.first, options.first + options.lenses), options.rays):
         done.append(row)
         print(" ".join(f"{value:.3g}" for value in row), flush=True)
     print(table([[f"{value:.3g}" for value in row] for row in done], COLUMNS))

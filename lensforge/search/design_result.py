@@ -149,14 +149,15 @@ class TriedSize(Record):
 
 
 def _searches_within(design: Any) -> str:
-    """Number of searches for the smallest lens, and the next smaller size, which has none that holds the limits."""
+    """Which size, the number of searches for it, and the next smaller one within which no lens holds the limits."""
     least_mm = design.least_mm
     below = [
         size.within_mm for size in design.sizes if not size.holds and (least_mm is None or size.within_mm < least_mm)
     ]
     missed = f"; no lens within {quantity(max(below), 'mm')} holds all limits" if below else ""
     count = len(design.sizes)
-    return f"by {count} searches{missed}" if count > 1 else f"by one search{missed}"
+    searches = f"{count} searches" if count > 1 else "one search"
+    return f"{design.lens.spec.optimise.size}, by {searches}{missed}"
 
 
 _COST_OF_LIGHT = 0.005
@@ -265,7 +266,7 @@ class Design(StageResult):
     @property
     @figure(
         Figure(
-            lambda design: f"Least {design.lens.spec.optimise.size}",
+            "Least size",
             _searches_within,
             key="least_size",
             missing="no size holds all limits",

@@ -130,7 +130,7 @@ def test_the_record_keeps_the_sizes_and_states_the_least(tmp_path: Path) -> None
     design.write(tmp_path)
     assert lf.load(tmp_path).design == design
     fact = next(fact for group in design_facts(design) for fact in group.facts if fact.key == "least_size")
-    assert (fact.label, fact.value, fact.unit) == ("Least radius", design.max_radius_mm, "mm")
+    assert (fact.label, fact.value, fact.unit) == ("Least size", design.max_radius_mm, "mm")
     assert f"by {len(design.sizes)} searches" in fact.note
 
 
@@ -148,7 +148,7 @@ def test_without_room_for_the_limits_the_largest_lens_is_the_result() -> None:
         design = lf.design(spec, accuracy=COARSE, warn=lambda _: None, force=True)
     assert [size.holds for size in design.sizes] == [False] and design.least_mm is None
     fact = next(fact for group in design_facts(design) for fact in group.facts if fact.key == "least_size")
-    assert fact.note == "by one search; no lens within 8 mm holds all limits"
+    assert fact.note == "radius, by one search; no lens within 8 mm holds all limits"
 
 
 def test_an_observer_that_has_enough_ends_all_searches() -> None:
