@@ -320,9 +320,10 @@ def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
     for event in range(events - 1, -1, -1):
         face = met_face(event, met, body.sides)
         recall_event(packet, whole, stored_events[event])
-        fetch_facets(packet, count, FIRST_EVENT, face, rays.noise, rays.keys, body.slopes, body.grid)
-        refract_all_at(packet, whole, face, rays, body.grid)
-        all_amplitudes(packet, whole, face, rays, body)
+        if event + 1 < events:  # of the last one all else is there
+            fetch_facets(packet, count, FIRST_EVENT, face, rays.noise, rays.keys, body.slopes, body.grid)
+            refract_all_at(packet, whole, face, rays, body.grid)
+            all_amplitudes(packet, whole, face, rays, body)
         back_through(packet, whole, face, event + 1 == events, rays, body)
         add_gradients(packet, count, FIRST_EVENT, face.face, body.grid.inverse_step, by_tables)
         if event > 0:

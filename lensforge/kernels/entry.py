@@ -9,9 +9,21 @@ from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import unpolarised
 from lensforge.kernels.frames import INTO, into_faces, turned
 from lensforge.kernels.nearest_face import CLEAR, FIELDS, LAST, MEDIUM
-from lensforge.kernels.ray_packet import SIZE, store_ray, write
+from lensforge.kernels.ray_packet import DX, RAY, SIZE, in_whole_vectors, store_ray, three, write
 from lensforge.kernels.traced_body import CAVITY, own_or_shared
-from lensforge.kernels.vectors import scaled
+
+
+@inline
+def is_within(x, y, z, table, grid, bounds):
+    """True for a point inside of a face."""
+    r = sqrt(x * x + y * y + z * z)
+    if not r <= bounds.most:  # in this form also where x is NaN
+        return False
+    if r < bounds.least:
+        return True
+    X = x / (r + z)
+    Y = y / (r + z)
+    return r < tile_of(X, Y, grid, bounds)[0] or r < jet(table, grid, X, Y)[0]
 
 
 @inline
@@ -24,15 +36,7 @@ def entry(p, d, table, grid, bounds):
         return Fate.BACKWARD, 0.0
     start = -p[2] / d[2] if p[2] < 0.0 else 0.0
     x, y, z = across((p[0] + start * d[0], p[1] + start * d[1], max(p[2], 0.0)), grid.half_mm)
-    r = sqrt(x * x + y * y + z * z)
-    if not r <= bounds.most:  # in this form also where x is NaN
-        return Fate.OUTSIDE_CAVITY, start
-    X = x / (r + z)
-    Y = y / (r + z)
-    near = r >= bounds.least and r >= tile_of(X, Y, grid, bounds)[0]
-    if near and r >= jet(table, grid, X, Y)[0]:
-        return Fate.OUTSIDE_CAVITY, start
-    return Fate.LEFT_LENS, start
+    return Fate.LEFT_LENS if is_within(x, y, z, table, grid, bounds) else Fate.OUTSIDE_CAVITY, start
 
 
 @inline
@@ -40,29 +44,33 @@ def entry_of_all(p, d, body, sides):
     """:func:`entry` into a cavity that may have several faces."""
     fate, start = entry(p, d, body.tables[0], body.grid, bounds_of(body.bounds, 0))
     if sides is not None:
+        x, y, z = across((p[0] + start * d[0], p[1] + start * d[1], max(p[2], 0.0)), body.grid.half_mm)
         for face in range(1, len(body.tables)):
             if sides.before[face] == CAVITY and fate == Fate.LEFT_LENS:
-                fate, start = entry(p, d, body.tables[face], body.grid, bounds_of(body.bounds, face))
+                within = is_within(x, y, z, body.tables[face], body.grid, bounds_of(body.bounds, face))
+                fate = fate if within else Fate.OUTSIDE_CAVITY
     return fate, start
 
 
 @inline
-def begin_fields(packet, lane, k, d, fields, placement, sides):
-    """Set the fields of ray k as it enters the cavity, in this lane of the packet, if they are followed."""
+def begin_fields(packet, count, rays, placement, sides):
+    """Set the fields of the rays of a packet as they enter the cavity, if they are followed."""
     if sides is not None:
-        packet[MEDIUM + lane] = CAVITY
-        packet[LAST + lane] = -1.0
-        packet[CLEAR + lane] = 1.0
-        if len(fields) > 0:
-            for part in range(0, 12, 3):
-                local = turned(placement, INTO, (fields[k, part], fields[k, part + 1], fields[k, part + 2]))
-                write(packet, FIELDS + part * SIZE + lane, local)
-        else:
-            first, second = unpolarised(d)
+        for lane in range(in_whole_vectors(count)):
+            packet[MEDIUM + lane] = CAVITY
+            packet[LAST + lane] = -1.0
+            packet[CLEAR + lane] = 1.0
+            first, second = unpolarised(three(packet, DX + lane))
             write(packet, FIELDS + lane, first)
-            write(packet, FIELDS + 3 * SIZE + lane, scaled(0.0, first))
+            write(packet, FIELDS + 3 * SIZE + lane, (0.0, 0.0, 0.0))
             write(packet, FIELDS + 6 * SIZE + lane, second)
-            write(packet, FIELDS + 9 * SIZE + lane, scaled(0.0, first))
+            write(packet, FIELDS + 9 * SIZE + lane, (0.0, 0.0, 0.0))
+        if len(rays.fields) > 0:
+            for lane in range(count):
+                of_ray = rays.fields[int(packet[RAY + lane])]
+                for part in range(0, 12, 3):
+                    local = turned(placement, INTO, (of_ray[part], of_ray[part + 1], of_ray[part + 2]))
+                    write(packet, FIELDS + part * SIZE + lane, local)
 
 
 @inline
@@ -80,6 +88,6 @@ def enter(rays, first, last, body, ways, fates, packet):
             ways.lengths[k, 0] = start
             p = p[0] + start * d[0], p[1] + start * d[1], max(p[2], 0.0)
             store_ray(packet, entered, k, p, d, body.cavity_index / own_or_shared(rays.indices, k))
-            begin_fields(packet, entered, k, d, rays.fields, body.placement, body.sides)
             entered += 1
+    begin_fields(packet, entered, rays, body.placement, body.sides)
     return entered

@@ -16,7 +16,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from lensforge.kernels.compiled import inline
-from lensforge.kernels.vectors import add_scaled, dot, linear_combination, unit
+from lensforge.kernels.vectors import add_scaled, cross, dot, linear_combination, unit
 
 _NONE = (0.0, 0.0, 0.0)
 _DARK = 1e-12  # transmittance below which the slope of its root no longer counts
@@ -26,17 +26,16 @@ _DARK = 1e-12  # transmittance below which the slope of its root no longer count
 def unpolarised(d):
     """Two unit vectors perpendicular to the direction d and to each other."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
-    if x <= y and x <= z:
-        first = unit((0.0, d[2], -d[1]))
-    elif y <= z:
-        first = unit((-d[2], 0.0, d[0]))
-    else:
-        first = unit((d[1], -d[0], 0.0))
-    return first, (
-        d[1] * first[2] - d[2] * first[1],
-        d[2] * first[0] - d[0] * first[2],
-        d[0] * first[1] - d[1] * first[0],
+    along_x = x <= y and x <= z  # the least component: the first vector has none there
+    along_y = not along_x and y <= z
+    first = unit(
+        (
+            0.0 if along_x else (-d[2] if along_y else d[1]),
+            d[2] if along_x else (0.0 if along_y else -d[0]),
+            -d[1] if along_x else (d[0] if along_y else 0.0),
+        )
     )
+    return first, cross(d, first)
 
 
 @inline
@@ -178,9 +177,3 @@ def field_adjoint(real, imaginary, g, h, face):
 def reflect(d, n, c):
     """Direction after a reflection."""
     return add_scaled(d, -2.0 * c, n)
-
-
-@inline
-def squared_lengths(a, b, c, d):
-    """Sum of the squared lengths of four vectors."""
-    return dot(a, a) + dot(b, b) + dot(c, c) + dot(d, d)

@@ -13,6 +13,7 @@ from lensforge.kernels.nearly_convex import (
     clear_ahead,
     gauge_along,
     is_first,
+    mark_node,
     nodal,
     path_to_ball,
     quick_hits,
@@ -34,23 +35,27 @@ from lensforge.kernels.ray_packet import (
     SIZE,
     STATUS,
     X0,
+    R,
     T,
     fields,
+    in_whole_vectors,
     three,
+    write,
 )
 from lensforge.kernels.traced_body import BODY, CAVITY
 from lensforge.kernels.vectors import add_scaled, dot
 
 # The medium in which a ray is, the face last met, the face that it is likely to meet; the nearest crossing found, and
 # its face; likewise on the way back into the cavity, as far as it has been followed, and where that ends at the latest;
-# what absorption leaves of the flux; the rays that are searched; whether a guess is still to be searched; the slope of
-# |p|/rho at the face last met; 1 for a ray that comes from before its face, -1 from behind; the
-# direction behind a face that refracts; both fields (real, imaginary), as faces leave them.
+# what absorption leaves of the flux; the rays that are searched; whether a guess is still to be searched, and its
+# radius; the slope of |p|/rho at the face last met; 1 for a ray that comes from before its face, -1 from behind; the
+# direction behind a face; the reflectance of a mirror there, below 0 of none; what faces leave of the flux, and both
+# fields (real, imaginary).
 (
     MEDIUM, LAST, GUESS, FACE, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, BACK_FACE, BACK, BACK_STATUS, BACK_X, BACK_Y,
-    BACK_END, CLEAR, ASKED, PENDING, LEAVING, SIDE, BENT, _, _,
-    FIELDS,
-) = fields(OF_CHAIN, 23)  # fmt: skip
+    BACK_END, CLEAR, ASKED, PENDING, RADIUS, LEAVING, SIDE, BENT, _, _,
+    MIRROR, SHARE, FIELDS,
+) = fields(OF_CHAIN, 26)  # fmt: skip
 _PASSES = 8  # over the faces of a cavity, until a ray is in all of them
 
 
@@ -91,27 +96,38 @@ def start_one(rays, lane, k, face, path, end):
 
 
 @inline
+def least_before(medium, body):
+    """Radius (mm) of the ball in which no face bounds a medium; infinite if none does anywhere."""
+    least = inf
+    for face in range(len(body.tables)):
+        least = min(least, body.bounds.least[face] if body.sides.before[face] == medium else inf)
+    return least
+
+
+@inline
 def guess_faces(rays, count, body):
-    """Guess the face that each ray meets: the nearest where it leaves the ball without faces.
+    """Guess the face that each ray meets, and its radius: the nearest where it leaves the ball without faces.
 
     Seldom the face on which it is. A wrong guess only costs time.
     """
-    before = body.sides.before
-    for k in range(count):
-        medium = rays[MEDIUM + k]
-        least = inf
-        for face in range(len(before)):
-            least = min(least, body.bounds.least[face] if before[face] == medium else inf)
+    in_cavity = least_before(CAVITY, body)
+    in_body = least_before(BODY, body)
+    for k in range(in_whole_vectors(count)):
         p = three(rays, PX + k)
         d = three(rays, DX + k)
-        nearest = inf
+        least = in_cavity if rays[MEDIUM + k] == CAVITY else in_body
         ahead = add_scaled(p, path_to_ball(dot(p, d), dot(p, p), least), d)
-        for face in range(len(before)):
-            if before[face] == medium:
-                radius = nodal(body.tables[face], body.grid, ahead)
+        mark_node(rays, k, ahead, float(len(body.tables[0])), body.grid)
+        rays[RADIUS + k] = inf
+    for face in range(len(body.tables)):
+        medium = body.sides.before[face]
+        table = body.tables[face]
+        for k in range(count):
+            if rays[MEDIUM + k] == medium:
+                radius = nodal(table, rays, k)
                 radius = radius if rays[LAST + k] != face else 1e6 * radius
-                rays[GUESS + k] = float(face) if radius < nearest else rays[GUESS + k]
-                nearest = min(nearest, radius)
+                rays[GUESS + k] = float(face) if radius < rays[RADIUS + k] else rays[GUESS + k]
+                rays[RADIUS + k] = min(rays[RADIUS + k], radius)
 
 
 @inline
@@ -121,17 +137,21 @@ def search_quickly(rays, count, face, body):
     bounds = bounds_of(body.bounds, face)
     grid = body.grid
     going = 0
-    least = bounds.least
     ball = body.bounds.balls[face]
     hollow = body.bounds.hollows[face]
     for k in range(count):
         if rays[GUESS + k] == face:
             rays[PENDING + k] = 1.0
-            if rays[LAST + k] != face and dot(three(rays, PX + k), three(rays, PX + k)) < ball * ball:
-                start_quick(rays, going, k, table, grid, least, ball)
+            p = three(rays, PX + k)
+            if rays[LAST + k] != face and dot(p, p) < ball * ball:
+                rays[NUMBER + going] = float(k)
                 rays[ASKED + going] = float(k)
+                rays[R + going] = rays[RADIUS + k]
+                write(rays, X0 + going, p)
+                write(rays, ALONG_X + going, three(rays, DX + k))
                 going += 1
     if going > 0:
+        start_quick(rays, going, table, grid, bounds.least, ball)
         quick_hits(rays, going, table, grid, ball)
     for lane in range(going):
         k = int(rays[ASKED + lane])
@@ -225,9 +245,10 @@ def leaves_cavity(rays, k, length, body):
         return stays_outside(p, d, length, 1.0, rays[LEAVING + k], bounds.least[last], bounds.hollows[last])
     chosen = -1
     least = inf
+    mark_node(rays, k, p, float(len(body.tables[0])), body.grid)
     for face in range(len(body.tables)):
         if is_wall_of_cavity(face, body.sides):
-            radius = nodal(body.tables[face], body.grid, p)
+            radius = nodal(body.tables[face], rays, k)
             chosen, least = (face, radius) if radius < least else (chosen, least)
     if chosen < 0:
         return False
@@ -247,18 +268,19 @@ def back_into_cavity(rays, count, body):
     for face in range(len(body.tables)):
         if is_wall_of_cavity(face, body.sides):
             ball = min(ball, body.bounds.balls[face])
-    for k in range(count):
+    for k in range(in_whole_vectors(count)):
         p = three(rays, PX + k)
         outward = dot(p, three(rays, DX + k))
         square = outward * outward + ball * ball - dot(p, p)
         root = sqrt(max(square, 0.0))
         comes_back = rays[MEDIUM + k] == BODY and square > 0.0 and root > outward and -outward - root < rays[NEXT + k]
-        if comes_back:
-            comes_back = not leaves_cavity(rays, k, min(root - outward, rays[NEXT + k]), body)
         rays[BACK_STATUS + k] = GOING if comes_back else MISSED
         rays[BACK_END + k] = min(root - outward, rays[NEXT + k])
         rays[BACK + k] = 0.0
         rays[BACK_FACE + k] = -1.0
+    for k in range(count):
+        if rays[BACK_STATUS + k] == GOING and leaves_cavity(rays, k, rays[BACK_END + k], body):
+            rays[BACK_STATUS + k] = MISSED
     moved = 1
     for _ in range(_PASSES):
         if moved == 0:

@@ -21,14 +21,13 @@ from lensforge.kernels.ray_packet import (
     BEFORE,
     CELL,
     CLOSING,
-    DX,
     F_BEFORE,
     HIGH,
     INVERSE_BEFORE,
     LOW,
     NUMBER,
     OUTWARD,
-    PX,
+    SIZE,
     SLOPE,
     STATUS,
     X0,
@@ -40,7 +39,6 @@ from lensforge.kernels.ray_packet import (
     in_whole_vectors,
     locate,
     three,
-    write,
 )
 from lensforge.kernels.vectors import add_scaled, dot
 
@@ -187,37 +185,44 @@ def clear_ahead(p, d, length, starts_on, table, bounds, hollow, grid):
 
 
 @inline
-def nodal(table, grid, p):
-    """Radius at the node near a direction: a guess."""
+def mark_node(rays, k, p, side, grid):
+    """Write the row and the column of the table's node near the direction of a point into the field of cells."""
     per_shift = grid.inverse_step / (sqrt(dot(p, p)) + max(p[2], 0.0))
-    most = len(table) - 1.0
-    i = int(index_at(p[0] * per_shift - grid.origin * grid.inverse_step + 0.5, most))
-    j = int(index_at(p[1] * per_shift - grid.origin * grid.inverse_step + 0.5, most))
-    return table[i, j]
+    rays[CELL + k] = index_at(p[0] * per_shift - grid.origin * grid.inverse_step + 0.5, side - 1.0)
+    rays[CELL + SIZE + k] = index_at(p[1] * per_shift - grid.origin * grid.inverse_step + 0.5, side - 1.0)
 
 
 @inline
-def start_quick(rays, lane, k, table, grid, least, ball):
-    """Start the search of ray k near its likely crossing with a face."""
-    p = three(rays, PX + k)
-    d = three(rays, DX + k)
-    distance_squared = dot(p, p)
-    outward = dot(p, d)
-    low = path_to_ball(outward, distance_squared, DEEP * least)
-    high = min(path_to_ball(outward, distance_squared, ball), -p[2] / d[2] if d[2] < 0.0 else inf)
-    t = path_to_ball(outward, distance_squared, least)
-    for _ in range(2):
-        t = path_to_ball(outward, distance_squared, nodal(table, grid, add_scaled(p, t, d)))
-    rays[T + lane] = min(max(t, low), high)
-    rays[LOW + lane] = low
-    rays[HIGH + lane] = high
-    rays[CLOSING + lane] = 1.0
-    rays[NUMBER + lane] = float(k)
-    write(rays, X0 + lane, p)
-    write(rays, ALONG_X + lane, d)
-    rays[BEFORE + lane] = low
-    rays[F_BEFORE + lane] = nan
-    rays[INVERSE_BEFORE + lane] = 1.0
+def nodal(table, rays, k):
+    """Radius at the node that :func:`mark_node` wrote: a guess."""
+    return table[np.uint32(rays[CELL + k]), np.uint32(rays[CELL + SIZE + k])]
+
+
+@inline
+def start_quick(rays, count, table, grid, least, ball):
+    """Start the search of ``count`` rays near their likely crossings with a face, from guesses of their radii in R."""
+    for k in range(in_whole_vectors(count)):
+        p = three(rays, X0 + k)
+        d = three(rays, ALONG_X + k)
+        ahead = path_to_ball(dot(p, d), dot(p, p), rays[R + k])
+        mark_node(rays, k, add_scaled(p, ahead, d), float(len(table)), grid)
+    for k in range(count):
+        rays[R + k] = nodal(table, rays, k)
+    for k in range(in_whole_vectors(count)):
+        p = three(rays, X0 + k)
+        d = three(rays, ALONG_X + k)
+        distance_squared = dot(p, p)
+        outward = dot(p, d)
+        low = path_to_ball(outward, distance_squared, DEEP * least)
+        high = min(path_to_ball(outward, distance_squared, ball), -p[2] / d[2] if d[2] < 0.0 else inf)
+        ahead = path_to_ball(outward, distance_squared, rays[R + k])
+        rays[T + k] = min(max(ahead, low), high)
+        rays[LOW + k] = low
+        rays[HIGH + k] = high
+        rays[CLOSING + k] = 1.0
+        rays[BEFORE + k] = low
+        rays[F_BEFORE + k] = nan
+        rays[INVERSE_BEFORE + k] = 1.0
 
 
 @inline

@@ -165,21 +165,22 @@ def to_outer(packet, lane, going, rays, body):
 
 
 @inline
-def to_nearest(packet, lane, going, face, medium, noise, sides):
+def to_nearest(packet, lane, going, face, medium, rays, sides):
     """Send a ray from a ``face`` to the nearest one that bounds its ``medium``.
 
     Returns 0; negative if a facet sends it to the other side of its face, which is followed no further.
     """
     p = three(packet, PX + lane)
     d = three(packet, DX + lane)
-    normal = outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane])
+    leaving = packet[LEAVING + lane]
+    if rays.shifts is not None:  # spread behind the face
+        leaving = dot(outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane]), d) / length_of(p)
     packet[MEDIUM + going] = medium
     packet[LAST + going] = float(face)
-    leaving = dot(normal, d) / length_of(p)
     packet[LEAVING + going] = leaving
     carry_on(packet, lane, going, None, sides)
     store_ray(packet, going, int(packet[RAY + lane]), p, d, 1.0)
-    return -1.0 if noise is not None and (leaving > 0.0) != (sides.behind[face] == medium) else 0.0
+    return -1.0 if rays.noise is not None and (leaving > 0.0) != (sides.behind[face] == medium) else 0.0
 
 
 @inline
@@ -190,7 +191,7 @@ def to_next_event(packet, lane, going, face, medium, rays, body, balls):
     """
     if balls is None:  # known to the compiler
         return to_outer(packet, lane, going, rays, body)
-    return to_nearest(packet, lane, going, face, medium, rays.noise, body.sides)
+    return to_nearest(packet, lane, going, face, medium, rays, body.sides)
 
 
 @inline
@@ -222,7 +223,7 @@ def pass_on(packet, count, event, rays, body, ways, exits):
             exits.fates[k] = Fate.TOTAL_REFLECTION
             continue
         arrived = exits.flux[k]
-        mirrored, flux = behind_face(packet, lane, face, mirror, arrived, rays, body, body.sides)
+        mirrored, flux = behind_face(packet, lane, arrived, rays, body, body.sides)
         keep_met(ways.met, packet, lane, event, face, mirrored)
         if not mirrored or mirror >= 0.0:
             times = times_met(ways.met, k, event, face)

@@ -9,7 +9,7 @@ from math import sqrt
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.drawn_faces import across
 from lensforge.kernels.facet_normals import facet_normal, fetch_facet
-from lensforge.kernels.fields import FieldTurn, field_behind, passing, reflect, reflecting, squared_lengths
+from lensforge.kernels.fields import FieldTurn, field_behind, passing, reflect, reflecting
 from lensforge.kernels.first_hit import FOUND
 from lensforge.kernels.frames import BACK, turned, z_axis
 from lensforge.kernels.fresnel import (
@@ -21,7 +21,7 @@ from lensforge.kernels.fresnel import (
     through,
     through_face,
 )
-from lensforge.kernels.nearest_face import BENT, CLEAR, FACE, FIELDS, SIDE
+from lensforge.kernels.nearest_face import BENT, CLEAR, FACE, FIELDS, LEAVING, MIRROR, SHARE, SIDE
 from lensforge.kernels.ray_packet import (
     AXIAL,
     BEHIND,
@@ -46,7 +46,7 @@ from lensforge.kernels.ray_packet import (
     write,
 )
 from lensforge.kernels.traced_body import own_or_shared, times_met
-from lensforge.kernels.vectors import add_scaled, dot, scaled, unit
+from lensforge.kernels.vectors import add_scaled, dot, length_of, scaled, unit
 
 
 @inline
@@ -121,7 +121,8 @@ def refract_any(packet, count, event, rays, body, met):
         face = int(packet[FACE + k])
         times = times_met(met, int(packet[RAY + k]), event, face)
         fetch_facet(packet, k, face, times, rays.noise, rays.keys, body.slopes, body.grid)
-    for k in range(count):
+        packet[MIRROR + k] = body.sides.mirrors[face]
+    for k in range(in_whole_vectors(count)):
         d = three(packet, DX + k)
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
         write(packet, PX + k, p)
@@ -142,66 +143,91 @@ def refract_all(packet, count, event, rays, body, ways, exits, sides):
             refract_second(packet, count, exits.axial, rays, body)
     else:
         refract_any(packet, count, event, rays, body, ways.met)
+        turn_all_fields(packet, count, body.films, rays, body)
 
 
 @inline
-def amplitudes(c, q_squared, ratio, mirror, face, films, fresnel, row):
-    """Amplitude a and k of light behind a face, and derivatives by c (``kernels.fields``); whether it is reflected."""
-    if mirror >= 0.0:
-        return (sqrt(mirror), 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), True
-    if q_squared <= 0.0:
-        a, more, by_a, by_more = reflecting(c, ratio)
-        return a, more, by_a, by_more, True
-    if films is None:
-        passed, slopes = through(c, sqrt(q_squared), ratio, fresnel, None, row)
-    else:
-        if films.sizes[face] == 0:
-            passed, slopes = through(c, sqrt(q_squared), ratio, fresnel, None, row)
-        else:
-            passed, slopes = through(
-                c, sqrt(q_squared), ratio, fresnel, films.tables[face, ..., : films.sizes[face], :], row
-            )
-    a, more, by_a, by_more = passing(passed, slopes)
-    return a, more, by_a, by_more, False
+def amplitudes(c, q_squared, ratio, mirror, film, fresnel, row):
+    """Amplitude a and k of light behind a face (``kernels.fields``); whether it is reflected.
 
-
-@inline
-def turn_fields(packet, lane, face):
-    """Take both fields of a ray through a face (``FieldTurn``). Returns half of the sum of their squared lengths."""
-    for first in range(FIELDS + lane, FIELDS + 12 * SIZE + lane, 6 * SIZE):
-        real, imaginary = field_behind(three(packet, first), three(packet, first + 3 * SIZE), face)
-        write(packet, first, real)
-        write(packet, first + 3 * SIZE, imaginary)
-    first = FIELDS + lane
-    return 0.5 * squared_lengths(
-        three(packet, first),
-        three(packet, first + 3 * SIZE),
-        three(packet, first + 6 * SIZE),
-        three(packet, first + 9 * SIZE),
+    All three ways are computed, and one is chosen, as a loop of vector instructions asks.
+    """
+    reflected, more_reflected, _, _ = reflecting(c, ratio)
+    passed, slopes = through(c, sqrt(max(q_squared, 0.0)), ratio, fresnel, film, row)
+    passes, more_passes, _, _ = passing(passed, slopes)
+    is_mirror = mirror >= 0.0
+    total = q_squared <= 0.0
+    a = reflected[0] if total else passes[0]
+    k = more_reflected[0] if total else more_passes[0]
+    return (
+        (sqrt(max(mirror, 0.0)) if is_mirror else a, reflected[1] if total and not is_mirror else 0.0),
+        (0.0 if is_mirror else k, more_reflected[1] if total and not is_mirror else 0.0),
+        total or is_mirror,
     )
 
 
 @inline
-def behind_face(packet, lane, face, mirror, arrived, rays, body, sides):
-    """Update direction, fields and flux of a ray behind its face; returns whether it is reflected, and its flux.
+def turn_field(packet, first, face):
+    """Take one field of a ray through a face (``FieldTurn``). Returns its squared length."""
+    real, imaginary = field_behind(three(packet, first), three(packet, first + 3 * SIZE), face)
+    write(packet, first, real)
+    write(packet, first + 3 * SIZE, imaginary)
+    return dot(real, real) + dot(imaginary, imaginary)
+
+
+@inline
+def turn_fields(packet, lane, film, rays, fresnel):
+    """Turn direction and fields of a ray to those behind its face, and note how fast it leaves that."""
+    c = packet[COSINE + lane]
+    d = three(packet, DX + lane)
+    n = three(packet, MX + lane)
+    row = own_or_shared(rays.film_rows, int(packet[RAY + lane]))
+    a, more, mirrored = amplitudes(
+        c, packet[BEHIND + lane], packet[RATIO + lane], packet[MIRROR + lane], film, fresnel, row
+    )
+    bent = three(packet, BENT + lane)
+    turned_about = reflect(d, n, c)
+    b = (
+        turned_about[0] if mirrored else bent[0],
+        turned_about[1] if mirrored else bent[1],
+        turned_about[2] if mirrored else bent[2],
+    )
+    write(packet, BENT + lane, b)
+    p = three(packet, PX + lane)
+    normal = outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane])
+    packet[LEAVING + lane] = dot(normal, b) / length_of(p)
+    face = FieldTurn(a, more, n, add_scaled(n, -c, d), d, b, mirrored)
+    squares = turn_field(packet, FIELDS + lane, face) + turn_field(packet, FIELDS + 6 * SIZE + lane, face)
+    packet[SHARE + lane] = 0.5 * squares
+
+
+@inline
+def turn_all_fields(packet, count, films, rays, body):
+    """:func:`turn_fields` of all rays of a packet, at faces that may have films."""
+    if films is None:  # known to the compiler
+        for lane in range(in_whole_vectors(count)):
+            turn_fields(packet, lane, None, rays, body.fresnel)
+    else:
+        for lane in range(count):
+            face = int(packet[FACE + lane])
+            if films.sizes[face] == 0:
+                turn_fields(packet, lane, None, rays, body.fresnel)
+            else:
+                turn_fields(packet, lane, films.tables[face, ..., : films.sizes[face], :], rays, body.fresnel)
+
+
+@inline
+def behind_face(packet, lane, arrived, rays, body, sides):
+    """Update the direction of a ray behind its face; returns whether it is reflected, and its flux.
 
     ``arrived``: its flux (W) before the face.
     """
-    q_squared = packet[BEHIND + lane]
-    k = int(packet[RAY + lane])
+    mirrored = packet[BEHIND + lane] <= 0.0
     if sides is None:
-        mirrored = q_squared <= 0.0
         return mirrored, arrived * packet[THROUGH + lane] if body.fresnel and not mirrored else arrived
-    c = packet[COSINE + lane]
-    ratio = packet[RATIO + lane]
-    d = three(packet, DX + lane)
-    n = three(packet, MX + lane)
-    row = own_or_shared(rays.film_rows, k)
-    a, more, _, _, mirrored = amplitudes(c, q_squared, ratio, mirror, face, body.films, body.fresnel, row)
-    b = reflect(d, n, c) if mirrored else three(packet, BENT + lane)
-    write(packet, DX + lane, b)
-    share = turn_fields(packet, lane, FieldTurn(a, more, n, add_scaled(n, -c, d), d, b, mirrored))
-    return mirrored, rays.emitted[k] * packet[CLEAR + lane] * share
+    write(packet, DX + lane, three(packet, BENT + lane))
+    flux = rays.emitted[int(packet[RAY + lane])] * packet[CLEAR + lane] * packet[SHARE + lane]
+    return mirrored or packet[MIRROR + lane] >= 0.0, flux
 
 
 @inline

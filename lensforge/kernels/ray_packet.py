@@ -54,8 +54,8 @@ OWN = 17
 # Where it is one of several faces: whether a ray on its way starts on it, and the path behind which nothing matters.
 ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 16, 2)
 OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.nearest_face`` and ``kernels.polarised_event`` keep
-FACET, _, _ = fields(OF_CHAIN + 34, 3)  # where faces are rough, slopes of the facet that is met, and what more is seen
-PACKET_NUMBERS = (OF_CHAIN + 37) * SIZE
+FACET, _, _ = fields(OF_CHAIN + 37, 3)  # where faces are rough, slopes of the facet that is met, and what more is seen
+PACKET_NUMBERS = (OF_CHAIN + 40) * SIZE
 
 
 def empty_packet(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, " k"]:
