@@ -14,6 +14,7 @@ from lensforge.scene.lens import Lens
 from lensforge.sources.ray_bundle import Source
 from lensforge.spec import Spec
 from lensforge.spec.accuracy import Preset
+from lensforge.spec.housing_sections import bodies_of
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.surfaces.mirror_group import shared_symmetry
 from lensforge.surfaces.placed_bodies import reach_mm
@@ -30,7 +31,7 @@ def lamps_of_files(spec: Spec) -> Lamps:
 def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | None, seed: int) -> ExitLight:
     """Light of ``lens`` and its lamps; without ``rays`` the noise of the table sets their number."""
     lamps = lamps_of_files(lens.spec)
-    housing = Housing.of(lens.spec.scene)
+    housing = Housing.of(bodies_of(lens.spec.scene, from_afar=True))
     lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
     walls_mm = housing.reach_mm if housing is not None and housing.reflects else 0.0
     return trace_exit_light(

@@ -24,7 +24,7 @@ _M2 = 1e-6  # in a mm2
 class PatchedBody:
     """The body ``name``: the ``pieces`` of its surface, the number of the patch of each, and the ``others`` before it.
 
-    ``designed``: irradiance (W/m²) of each patch by the design.
+    ``designed``: irradiance (W/m²) of each patch by the design, by ``designed_rays``, whose noise counts.
     """
 
     name: str
@@ -32,6 +32,7 @@ class PatchedBody:
     patches: Int[np.ndarray, " t"]
     others: Sequence[ObstacleBody]
     designed: Float[np.ndarray, " p"]
+    designed_rays: int
 
     def judge(self, rays: RayBundle, passage: Passage) -> BodyLightProof:
         """The light of ``rays``, by their ``passage`` through the part, against the design's."""
@@ -42,6 +43,7 @@ class PatchedBody:
         dark = expected <= 0.0
         per_ray_w = float(squares.sum()) / (float(flux.sum()) or np.inf)  # the mean, weighted by flux
         apart = _apart(flux[~dark], expected[~dark], per_ray_w or float(rays.flux.mean()))
+        apart /= 1.0 + len(rays) / self.designed_rays
         darkest = int(self.designed.argmin())
         whole_m2 = float(areas_m2.sum())
         error_w = np.sqrt(max(float(squares.sum()) - float(flux.sum()) ** 2 / len(rays), 0.0))

@@ -38,7 +38,7 @@ from lensforge.sources.source_flux import chip_fluxes
 from lensforge.sources.source_spectrum import spectrum_of
 from lensforge.spec import Spec
 from lensforge.spec.emitter_section import CosineIntensity, EmitterSection, IntensitySpec, SpectrumSpec, TableIntensity
-from lensforge.spec.housing_sections import HousingSection
+from lensforge.spec.housing_sections import HousingSection, bodies_of
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.source_sections import (
     ChipArraySource,
@@ -127,7 +127,10 @@ def stands_of(lamps: Lamps) -> LampStands:
 def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
     """Screens with as many pixels as the evaluation's images, by default those of the spec."""
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
-    obstacles = Obstacles.of([_obstacle(body, mesh_of(body)) for body in spec.scene])
+    near, far = (
+        Obstacles.of([_obstacle(body, mesh_of(body)) for body in bodies_of(spec.scene, from_afar=from_afar)])
+        for from_afar in (False, True)
+    )
     return [
         Screen.kinds[section.kind](
             centre_mm=section.centre_mm,
@@ -138,7 +141,7 @@ def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
             filter_variance=spec.evaluate.filter_variance,
             numbers={name: value for name, value in section if isinstance(value, float)},
             period_mm=spec.all_lamps.period_mm,
-            obstacles=obstacles,
+            obstacles=far if receiver.is_far else near,
         )
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
@@ -165,13 +168,15 @@ def _patched_bodies(spec: Spec, light: Light) -> tuple[PatchedBody, ...]:
     """Measured bodies of the scene, with the irradiance by the design; ``light``: of one lamp."""
     irradiance = {body.name: body.irradiance for body in light.on_bodies}
     patched = []
-    for body in spec.scene:
+    bodies = bodies_of(spec.scene)
+    for body in bodies:
         if body.name in irradiance:
             patches = BodyPatches.of(body)
             pieces = SolidMesh(patches.corners.reshape(-1, 3), np.arange(patches.corners.size // 3).reshape(-1, 3))
-            others = [_obstacle(other, mesh_of(other)) for other in spec.scene if other is not body]
+            others = [_obstacle(other, mesh_of(other)) for other in bodies if other is not body]
             placed = _obstacle(body, pieces)
-            patched.append(PatchedBody(body.name, placed, patches.numbers, others, irradiance[body.name]))
+            designed = irradiance[body.name], light.rays
+            patched.append(PatchedBody(body.name, placed, patches.numbers, others, *designed))
     return tuple(patched)
 
 

@@ -209,10 +209,11 @@ def _on_bodies(results: Results) -> Iterator[ReceiverPictures]:
         views = {view.name: view for view in body_views(results.spec.of_state(case.result.led))}
         for body in case.result.on_bodies:
             unit = light_unit(case.result.lumens_per_watt)
-            for side, phrase in _SIDES.items():
-                figure = body_figures.lit_body(views[body.name], body.irradiance, unit, side)
+            view = views[body.name]
+            for side in body_figures.sides_of(view):
+                figure = body_figures.lit_body(view, body.irradiance, unit, side)
                 name = numbered("body", len(drawn))
-                drawn.append(picture(name, figure, case.title(f"{body.name}, {phrase}"), _OF_PATCHES))
+                drawn.append(picture(name, figure, case.title(f"{body.name}, {_SIDES[side]}"), _OF_PATCHES))
     if drawn:
         yield ReceiverPictures("Light on bodies of the scene", drawn, ())
 

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.kernels.triangle_tree import TriangleTree, tree_of
-from lensforge.scene.housing_mesh import contents_of, mesh_of
+from lensforge.scene.housing_mesh import contents_of, measured_mesh
 from lensforge.spec.housing_sections import HousingSection
 
 _OF_PATCH = 0.5  # longest edge of a piece over the width of a patch
@@ -58,7 +58,7 @@ class BodyPatches:
 @lru_cache(maxsize=8)
 def _patches(section: HousingSection, _contents: tuple[str, ...]) -> BodyPatches:
     assert section.patch_mm is not None
-    mesh = mesh_of(section)
+    mesh = measured_mesh(section)
     corners = _halved(mesh.vertices[mesh.triangles], _OF_PATCH * section.patch_mm, section)
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = 0.5 * np.linalg.norm(doubled, axis=1)

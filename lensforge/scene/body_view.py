@@ -24,7 +24,7 @@ from lensforge.scene.housing import Housing
 from lensforge.scene.pixel_grid import PixelGrid, bilinear
 from lensforge.scene.receiver import Landings, PosedReceiver, equal_area, from_equal_area
 from lensforge.spec import Spec
-from lensforge.spec.housing_sections import HousingSection
+from lensforge.spec.housing_sections import HousingSection, bodies_of
 from lensforge.spec.light_limits import BodyLimit
 
 _WORTH_SHARING = 2**10  # rays: a millisecond of work
@@ -33,6 +33,7 @@ _OF_PATCH = 0.3  # width of a pixel over that of a patch
 _MOST_OF_SEARCH = 2  # times the pixels of a receiver: bodies are seen long and narrow
 _FEWEST = 8  # pixels along the longer side of a picture
 _OVERSAMPLING = 8  # sub-pixels along a side, by which the area in a pixel is measured
+_IN_PLANE_MM = 1e-6
 _STEPS_TO_DEPTH = 3  # of a ray beside a body: the lens is small beside its distance
 
 
@@ -57,6 +58,13 @@ class LitBody(PosedReceiver):
                 "within_deg, or turn facing"
             )
         return counted
+
+    def lies_in_plane_with_lens(self, limit: BodyLimit) -> bool:
+        """True if no light of a lens at the origin comes to a patch that counts, such as a ceiling in which it is."""
+        pieces = np.isin(self.patches.numbers, self.counted(limit))
+        start = self.pose.to_local_points(np.zeros((1, 3)))
+        heights = ((self.patches.corners[pieces, 0] - start) * self.patches.piece_normals[pieces]).sum(axis=1)
+        return bool((np.abs(heights) < _IN_PLANE_MM).all())
 
     def shows(self, number: int, limit: BodyLimit) -> bool:
         """True if it reads this ``limit``, which has that ``number``."""
@@ -274,23 +282,27 @@ def _path_to(
 def body_views(spec: Spec) -> tuple[BodyView, ...]:
     """The bodies of ``spec`` that have ``patch_mm``, in the light of all lamps, as an evaluation sees them."""
     views = []
-    for section in spec.scene:
+    bodies = bodies_of(spec.scene)
+    for section in bodies:
         if section.patch_mm is not None:
-            others = Housing.of([body for body in spec.scene if body is not section])
+            others = Housing.of([body for body in bodies if body is not section])
             views.append(replace(BodyView.of(section), lamps=spec.all_lamps, housing=others))
     return tuple(views)
 
 
 def body_pictures(spec: Spec) -> tuple[BodyPicture, ...]:
-    """Pictures of bodies for a search, one for each limit on them; none of several lamps, which see other sides."""
+    """Pictures of bodies for a search, one for each limit on them that light of the lens can reach.
+
+    None of several lamps, which see other sides.
+    """
     if not spec.all_lamps.is_single:
         return ()
     views = {view.name: view for view in body_views(spec)}
-    width_mm = {body.name: body.patch_mm for body in spec.scene}
+    width_mm = {body.name: body.patch_mm for body in bodies_of(spec.scene)}
     return tuple(
         BodyPicture.of(
             views[limit.body], number, limit, width_mm[limit.body] or 0.0, _MOST_OF_SEARCH * spec.optimise.pixels
         )
         for number, limit in enumerate(spec.limits)
-        if isinstance(limit, BodyLimit)
+        if isinstance(limit, BodyLimit) and not views[limit.body].lies_in_plane_with_lens(limit)
     )

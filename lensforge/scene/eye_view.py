@@ -26,6 +26,7 @@ from lensforge.scene.pixel_grid import PixelGrid
 from lensforge.scene.receiver import Landings
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.spec import Spec
+from lensforge.spec.housing_sections import bodies_of
 from lensforge.spec.light_limits import LuminanceLimit
 from lensforge.surfaces.placed_bodies import reach_mm
 
@@ -277,7 +278,7 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
         return ()
     reach = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies))
     lamp = spec.all_lamps.lamps[0].pose
-    housing = Housing.of(spec.scene)
+    housing = Housing.of(bodies_of(spec.scene, from_afar=True))
     housing = None if housing is None else housing.black.seen_from(lamp)  # the eye looks at the lens alone
     views: list[EyeView] = []
     for number, limit in limits:

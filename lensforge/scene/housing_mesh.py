@@ -8,13 +8,14 @@ from math import acos, ceil, pi
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection
+from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection, RoomSide
 from lensforge.spec.spec_files import input_hashes
 from lensforge.surfaces.solid_file import ANGLE_RAD, SolidMesh, merged, read_solid
 
 _CHORD_MM = 5e-3  # of the facets of a cylinder, whose edges lie on it
 _FEWEST = 24  # facets around a cylinder
 _MOST = 1440  # around a mirror: its facets turn light by up to a quarter of a degree
+_WALL_MM = 1.0  # thickness of the sides of a room, which overlap in its corners
 _OF_MIRROR_RAD = 0.01  # between facets of a mirror in a STEP file, which turn light by up to as much
 
 
@@ -38,9 +39,40 @@ def mesh_of(section: HousingSection) -> SolidMesh:
     raise NotImplementedError(f"no body of kind {section.kind}: register a function with mesh_of")
 
 
+@singledispatch
+def measured_mesh(section: HousingSection) -> SolidMesh:
+    """The part of the surface of a body on which light is measured, in its own frame: by default all of it."""
+    return mesh_of(section)
+
+
 @mesh_of.register
 def _(section: HousingBox) -> SolidMesh:
-    corners = 0.5 * np.array(section.size_mm) * np.array(list(product((-1.0, 1.0), repeat=3)))
+    return _box(0.5 * np.array(section.size_mm))
+
+
+@mesh_of.register
+def _(section: RoomSide) -> SolidMesh:
+    facing = np.array(section.facing)
+    half = 0.5 * np.array(section.size_mm)
+    wall = _box(np.where(facing != 0.0, 0.5 * _WALL_MM, half + _WALL_MM))
+    return wall._replace(vertices=wall.vertices - (half + 0.5 * _WALL_MM) * facing)
+
+
+@measured_mesh.register
+def _(section: RoomSide) -> SolidMesh:
+    """Its face, without the parts of the wall that others hide."""
+    facing = np.array(section.facing)
+    half = 0.5 * np.array(section.size_mm)
+    room = _box(half)
+    a, b, c = np.moveaxis(room.vertices[room.triangles], 1, 0)
+    outwards = np.cross(b - a, c - a)
+    (behind,) = np.nonzero(outwards @ facing < 0.0)
+    return SolidMesh(room.vertices, room.triangles[behind, ::-1])
+
+
+def _box(half: Float[np.ndarray, "3"]) -> SolidMesh:
+    """The box about the origin with half as long sides."""
+    corners = half * np.array(list(product((-1.0, 1.0), repeat=3)))
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     halves = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
     return SolidMesh(corners, np.array(halves))

@@ -10,13 +10,14 @@ from lensforge.errors import InputError
 from lensforge.scene.housing import Housing
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.spec import Spec
-from lensforge.spec.housing_sections import HousingFile, HousingSection
+from lensforge.spec.housing_sections import HousingFile, HousingSection, bodies_of
 from lensforge.surfaces.placed_bodies import depths
 from lensforge.surfaces.solid_file import SolidMesh
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _AROUND = 128  # facets of the largest lens
 _EXITS = 64  # places of the largest lens from which a place may be lit
+_TOUCHES_MM3 = 1e-6  # that is rounding: a lens may stand in the very surface of a ceiling
 _WIDE = 40.0  # widths of the largest lens: as wide as that a body from a file may be in inches
 
 
@@ -27,7 +28,7 @@ def require_room(spec: Spec) -> None:
     """
     limits = spec.constraints
     size = limits.max_radius_mm, spec.lens.height_mm(limits), spec.lens.radius_about_axis
-    for section in spec.scene:
+    for section in bodies_of(spec.scene):
         for lamp in spec.all_lamps.lamps:
             body = section.posed(section.pose.seen_from(lamp.pose))
             _require_beside_lens(body, contents_of([body]), *size)
@@ -57,7 +58,7 @@ def _require_beside_lens(
         whole = Manifold.sphere(radius_mm, _AROUND).trim_by_plane((0.0, 0.0, 1.0), 0.0)
         lens = whole.trim_by_plane((0.0, 0.0, -1.0), -height_mm)
     common = mesh ^ lens
-    if not common.is_empty():
+    if common.volume() > _TOUCHES_MM3:
         vertices = np.asarray(common.to_mesh64().vert_properties)[:, :3]
         nearest = vertices[np.linalg.norm(vertices, axis=1).argmin()]
         raise InputError(
@@ -97,7 +98,7 @@ def dark_share(spec: Spec, places: Float[np.ndarray, "k 3"], light: Float[np.nda
 
     That is where no line from the largest lens passes them all, of 64 places of it.
     """
-    housing = Housing.of(spec.scene)
+    housing = Housing.of(bodies_of(spec.scene, from_afar=is_far))
     if housing is None or not light.any():
         return 0.0
     limits = spec.constraints

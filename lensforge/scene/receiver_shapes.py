@@ -33,6 +33,7 @@ from lensforge.scene.housing_room import require_room
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.scene.receiver import Kernel, PosedReceiver, equal_area, from_equal_area, posed_receiver
 from lensforge.spec import ReceiverSection, Spec
+from lensforge.spec.housing_sections import bodies_of
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.receiver_fields import OF_RECEIVER
 from lensforge.spec.receiver_sections import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
@@ -170,8 +171,10 @@ def chart_radius(gamma_deg: float) -> float:
 
 def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
-    housing = Housing.of(spec.scene)
-    built = [replace(build_receiver(section, pixels), housing=housing) for section in spec.all_receivers]
+    built = [
+        replace(receiver, housing=Housing.of(bodies_of(spec.scene, from_afar=receiver.is_far)))
+        for receiver in (build_receiver(section, pixels) for section in spec.all_receivers)
+    ]
     if not spec.all_lamps.is_single:
         built = [with_all_lamps(receiver, spec.all_lamps) for receiver in built]
     side = spec.evaluate.window_mm

@@ -27,7 +27,7 @@ from lensforge.spec.derived_values import derived_sizes, receiver_of
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_drawn_over_plate, require_feasible
-from lensforge.spec.housing_sections import MOST_BODIES, HousingSection, reflection_of, require_scene
+from lensforge.spec.housing_sections import MOST_BODIES, HousingSection, bodies_of, reflection_of, require_scene
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import LensShape
@@ -332,7 +332,7 @@ class Spec(Section):
             receiver.require_outside(self.lens, self.constraints, field)
             require_target_fits(receiver, self.all_lamps.period_mm is not None)
         require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
-        require_limits_fit(self.limits, self.all_receivers, self.lens.leaks, self.scene)
+        require_limits_fit(self.limits, self.all_receivers, self.lens.leaks, bodies_of(self.scene))
         require_all_below(self.applications, self.all_receivers)
         if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
             raise ValueError(

@@ -1,17 +1,18 @@
-"""The ``[[scene]]`` of a spec: opaque bodies in the light behind the lens, such as a bezel, a mirror ring or a wall.
+"""The ``[[scene]]`` of a spec: opaque bodies in the light behind the lens, such as a bezel, a mirror ring or a room.
 
 A kind of body is a class that extends :class:`HousingSection`: it registers itself. Its shape is a function of
-``scene.housing_mesh.mesh_of`` for that class.
+``scene.housing_mesh.mesh_of`` for the class of its ``bodies``, by default its own.
 """
 
 from collections.abc import Sequence
-from math import asin, atan2, degrees
-from typing import Annotated, Literal, Self
+from math import atan2, degrees, hypot
+from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from lensforge.optics.media import Reflection
-from lensforge.optics.pose import Pose
+from lensforge.optics.pose import Pose, Vector
 from lensforge.public import public
 from lensforge.results.registered_kinds import OfSeveralKinds
 from lensforge.spec.emitter_section import Degrees, Turn
@@ -33,6 +34,8 @@ class HousingSection(OfSeveralKinds, Section):
     coordinates of the lens, or of all lamps, as receivers do; those behind it are in its shadow. The search knows it,
     and takes it for black. No body may reach into the room of the lens.
     """
+
+    encloses: ClassVar[bool] = False  # all light: no far field and no eye looks at it from outside
 
     kind: str
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = Field(
@@ -70,10 +73,12 @@ class HousingSection(OfSeveralKinds, Section):
 
     @check
     def _lights_no_patch_of_its_own(self) -> None:
-        if self.surface != "black" and self.patch_mm is not None and not self.is_convex:
+        if self.surface == "black" or self.patch_mm is None:
+            return
+        if not all(body.is_convex for body in self.bodies):
             raise ValueError(
-                "patch_mm: the light that this body reflects onto itself is not measured; measure a box, a cylinder "
-                'without a bore, or a body of surface = "black"'
+                "patch_mm: the light that this body reflects onto itself is not measured; measure a box, a room, a "
+                'cylinder without a bore, or a body of surface = "black"'
             )
 
     @model_serializer(mode="wrap")
@@ -84,6 +89,11 @@ class HousingSection(OfSeveralKinds, Section):
             for name, value in write(self).items()
             if self.surface != "black" or name not in ("surface", "reflectance")
         }
+
+    @property
+    def bodies(self) -> "tuple[HousingSection, ...]":
+        """The bodies that light meets, of a shape and a reflectance each: itself."""
+        return (self,)
 
     @property
     def is_convex(self) -> bool:
@@ -98,7 +108,7 @@ class HousingSection(OfSeveralKinds, Section):
     def posed(self, pose: Pose) -> Self:
         """The body in another pose."""
         x, y, z = pose.axis
-        tilt_deg = degrees(asin(max(-1.0, min(1.0, -y)))), degrees(atan2(x, z))
+        tilt_deg = degrees(atan2(-y, hypot(x, z))), degrees(atan2(x, z))
         (along_x, along_y, _), *_ = pose.seen_from(Pose.of_tilts(pose.origin_mm, tilt_deg)).axes
         turn_deg = degrees(atan2(along_y, along_x))
         return self.changed(centre_mm=pose.origin_mm, tilt_deg=tilt_deg, rotate_z_deg=turn_deg)
@@ -147,6 +157,102 @@ class HousingFile(HousingSection):
     file: FilePath = Field(description="STEP, STL or 3MF; STL and 3MF in mm.")
 
 
+class RoomSide(HousingSection):
+    """A side of a room, in the frame of that: the wall that faces into it along ``facing``, one of the six axes."""
+
+    encloses: ClassVar[bool] = True
+
+    kind: str = "side"
+    name: str
+    size_mm: tuple[Millimetres, Millimetres, Millimetres]
+    facing: Vector
+
+    @property
+    def is_convex(self) -> bool:
+        """True: it is flat."""
+        return True
+
+
+_SIDES: dict[str, Vector] = {
+    "floor": (0.0, 0.0, -1.0),
+    "ceiling": (0.0, 0.0, 1.0),
+    "wall-1": (-1.0, 0.0, 0.0),
+    "wall-2": (0.0, -1.0, 0.0),
+    "wall-3": (1.0, 0.0, 0.0),
+    "wall-4": (0.0, 1.0, 0.0),
+}
+_Reflectance = Annotated[float, Field(ge=0.0, le=1.0)] | None
+_BESIDE = 1e-9  # of its size: a lens may stand in the very ceiling
+
+
+@public
+class HousingRoom(HousingSection):
+    """A room of one floor, a ceiling and four walls, about its origin, in which all lamps stand.
+
+    The floor is at +z, where the light of a lens goes that looks down. The sides are bodies of names of their own: with
+    the name "room" they are "room-floor", "room-ceiling", and "room-wall-1" to "room-wall-4" at +x, +y, -x and -y. Far
+    fields and eyes see the lamps without the room.
+    """
+
+    encloses: ClassVar[bool] = True
+
+    kind: Literal["room"] = "room"
+    size_mm: tuple[Millimetres, Millimetres, Millimetres] = Field(description="Its inner lengths along x, y and z.")
+    reflectance: _Reflectance = Field(default=None, description="Share of the light that its walls reflect.")
+    floor_reflectance: _Reflectance = Field(
+        default=None, description="Share of the light that its floor reflects; by default that of the walls."
+    )
+    ceiling_reflectance: _Reflectance = Field(
+        default=None, description="Share of the light that its ceiling reflects; by default that of the walls."
+    )
+
+    @check
+    def _black_sides_reflect_nothing(self) -> None:
+        for name in ("floor_reflectance", "ceiling_reflectance"):
+            if self.surface == "black" and (given := getattr(self, name)) is not None:
+                raise ValueError(
+                    f'{name} = {given:g}: a black surface reflects no light; give surface = "diffuse" and the '
+                    "reflectance of the walls, or leave it out"
+                )
+
+    @property
+    def bodies(self) -> tuple[HousingSection, ...]:
+        """Its sides."""
+        return tuple(self._side(name, facing) for name, facing in _SIDES.items())
+
+    def _side(self, name: str, facing: Vector) -> RoomSide:
+        reflectance = {"floor": self.floor_reflectance, "ceiling": self.ceiling_reflectance}.get(name)
+        reflectance = self.reflectance if reflectance is None else reflectance
+        return RoomSide(
+            name=f"{self.name}-{name}",
+            centre_mm=self.centre_mm,
+            tilt_deg=self.tilt_deg,
+            rotate_z_deg=self.rotate_z_deg,
+            surface=self.surface if reflectance else "black",
+            reflectance=reflectance or None,
+            patch_mm=self.patch_mm,
+            size_mm=self.size_mm,
+            facing=facing,
+        )
+
+    def require_around(self, lamps: Lamps) -> None:
+        """Raise ``ValueError`` for a lamp that does not stand in the room."""
+        half = 0.5 * np.array(self.size_mm)
+        for number, lamp in enumerate(lamps.lamps):
+            x, y, z = self.pose.to_local_points(np.array(lamp.place_mm)).tolist()
+            if (np.abs([x, y, z]) > (1.0 + _BESIDE) * half).any():
+                whose = "the lens" if lamps.is_single else f"lamp {number}"
+                raise ValueError(
+                    f"scene: {self.name!r}: {whose} stands outside of it, at ({x:.4g}, {y:.4g}, {z:.4g}) mm of the "
+                    "room; centre_mm is the middle of the room, move it, or widen size_mm"
+                )
+
+
+def bodies_of(scene: Sequence[HousingSection], *, from_afar: bool = False) -> tuple[HousingSection, ...]:
+    """The bodies that light meets in a scene; ``from_afar``: without those around all lamps, such as a room."""
+    return tuple(body for section in scene for body in section.bodies if not (from_afar and section.encloses))
+
+
 def reflection_of(bodies: Sequence[HousingSection]) -> Reflection | None:
     """Reflection at ``bodies``: "diffuse" if any is, else "mirror" if any is one; None if all are black."""
     surfaces = {body.surface for body in bodies}
@@ -157,8 +263,13 @@ def require_scene(bodies: Sequence[HousingSection], lens: LensShape, lamps: Lamp
     """Raise ``ValueError`` for bodies of one name, and for scenes whose shadows are not modelled."""
     if not bodies:
         return
-    if (duplicate := alike(body.name for body in bodies)) is not None:
+    if (duplicate := alike(body.name for body in bodies_of(bodies))) is not None:
         raise ValueError(f"scene: {duplicate}; give each its own")
+    rooms = [body for body in bodies if isinstance(body, HousingRoom)]
+    if len(rooms) > 1:
+        raise ValueError(f"scene: {len(rooms)} rooms; all lamps stand in one, leave out the others")
+    for room in rooms:
+        room.require_around(lamps)
     if lens.cover_glass is not None:
         raise ValueError(
             "scene: bodies beside a lens.cover_glass are not modelled, as light would meet them on both of its sides; "

@@ -172,7 +172,9 @@ def cast_of(rays: Any) -> tuple[RayBundle, Passage]:
     return bundle, replace(Passage.of(bundle, 0), points=rays.points, directions=rays.directions, fates=landed)
 
 
-def patched(body: HousingSection, other: HousingSection, irradiance: np.ndarray) -> PatchedBody:
+def patched(
+    body: HousingSection, other: HousingSection, irradiance: np.ndarray, designed_rays: int = 2**20
+) -> PatchedBody:
     def obstacle(section: HousingSection, mesh: Any) -> ObstacleBody:
         placed = *mesh, section.rotate_z_deg, section.tilt_deg, section.centre_mm
         return ObstacleBody(*placed, section.reflectance or 0.0, section.surface == "diffuse")
@@ -180,7 +182,7 @@ def patched(body: HousingSection, other: HousingSection, irradiance: np.ndarray)
     patches = BodyPatches.of(body)
     pieces = patches.corners.reshape(-1, 3), np.arange(patches.corners.size // 3).reshape(-1, 3)
     return PatchedBody(
-        body.name, obstacle(body, pieces), patches.numbers, [obstacle(other, mesh_of(other))], irradiance
+        body.name, obstacle(body, pieces), patches.numbers, [obstacle(other, mesh_of(other))], irradiance, designed_rays
     )
 
 
@@ -197,6 +199,9 @@ def test_the_proof_finds_the_light_of_each_patch_by_its_own_walk() -> None:
     other = patched(TUBE_BEHIND, BOX, many).judge(*cast_of(from_point(2**14, seed=9)))
     assert other.mean_apart < 4.0 * (other.mean.standard_error or 0.0)
     assert other.apart == pytest.approx(1.0, abs=0.5)
+    few = flux_on(view, from_point(2**13, seed=4)) / areas_m2
+    noisy = patched(TUBE_BEHIND, BOX, few, 2**13).judge(*cast_of(from_point(2**14, seed=9)))
+    assert noisy.apart == pytest.approx(1.0, abs=0.5), "whose light by the design has noise, too"
     assert other.least_design == many.min() and other.least.value == pytest.approx(0.0)
     judged = {criterion.key: criterion.state for criterion in criteria_in(None, other)}
     assert judged == {"body_patches": "pass", "body_in_dark": "pass", "body_mean_apart": "pass"}
