@@ -118,15 +118,13 @@ class Housing:
     """The opaque bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
 
     ``finishes``: of the bodies. ``edges``: the tree of the edges in which they are not flat, ``edge_bodies`` the body
-    of each. ``rims``: those of them that light passes, which are not those of a room around it; None if it passes none.
-    ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to a rim at which rays are
-    dimmed; 0: none is.
+    of each. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at
+    which rays are dimmed; 0: none is.
     """
 
     names: tuple[str, ...]
     tree: TriangleTree
     edges: TriangleTree
-    rims: TriangleTree | None
     bodies: Int[np.ndarray, " t"]
     edge_bodies: Int[np.ndarray, " e"]
     finishes: Finishes
@@ -160,7 +158,7 @@ class Housing:
 
     def faded(self, rim_deg: float) -> "Housing":
         """The bodies as a search sees them: black, and they dim rays beside their rims."""
-        return replace(self.black, rim=0.0 if self.rims is None else tan(radians(rim_deg)))
+        return replace(self.black, rim=tan(radians(rim_deg)))
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
@@ -231,8 +229,6 @@ class Housing:
         self, shadow: Shadow, rows: Int[np.ndarray, " k"], points: _Vectors, directions: _Vectors, reach_mm: _Values
     ) -> None:
         """Dim the rays ``rows`` beside rims."""
-        tree = self.rims
-        assert tree is not None, "a search has rims to dim rays at"
         begin = (points * directions).sum(axis=1)
         spans = np.stack([begin, begin + reach_mm], axis=1)
         feet = self._local(points - begin[:, None] * directions, self.place.to_local_points)
@@ -241,7 +237,7 @@ class Housing:
         rims = np.zeros((len(rows), 3))
 
         def pass_by(part: slice) -> None:
-            nearest_rims(feet[part], units[part], spans[part], self.rim, tree, tangents[part], rims[part])
+            nearest_rims(feet[part], units[part], spans[part], self.rim, self.edges, tangents[part], rims[part])
 
         in_pieces(pass_by, len(rows), worth=_WORTH_SHARING)
         close = np.flatnonzero(tangents < self.rim)
@@ -270,9 +266,8 @@ def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...]) -
     meshes = [placed_mesh(section) for section in sections]
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
     bodies = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
-    edges = [rims_of(mesh) for mesh in meshes]
+    rims = [rims_of(mesh) for mesh in meshes]
     names = tuple(section.name for section in sections)
-    edge_bodies = np.repeat(np.arange(len(meshes)), [len(ends) for ends in edges])
-    rims = [ends for section, ends in zip(sections, edges, strict=True) if not section.encloses]
-    trees = tree_of(corners), tree_of(np.concatenate(edges)), tree_of(np.concatenate(rims)) if rims else None
+    edge_bodies = np.repeat(np.arange(len(meshes)), [len(edges) for edges in rims])
+    trees = tree_of(corners), tree_of(np.concatenate(rims))
     return Housing(names, *trees, bodies, edge_bodies, Finishes.of(sections))
