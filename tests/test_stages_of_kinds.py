@@ -147,6 +147,20 @@ SCENES: dict[str, dict[str, Any]] = {
     "scene file": {
         "scene": [{"kind": "file", "name": "wall", "file": str(wall_file()), "centre_mm": [0.0, 30.0, 40.0]}]
     },
+    "scene room": {
+        "scene": [
+            {
+                "kind": "room",
+                "name": "room",
+                "size_mm": [400.0, 300.0, 240.0],
+                "centre_mm": [9.0, -5.0, 90.0],
+                "patch_mm": 60.0,
+            }
+            | {"surface": "diffuse", "reflectance": 0.5, "floor_reflectance": 0.2}
+            | LEANING
+        ],
+        "limits": [{"kind": "body", "body": "room-wall-2", "of": "mean", "at_least": 1e-9, "unit": "w_per_m2"}],
+    },
     "cover glass": {"lens__cover_glass": {"distance_mm": 20.0, "thickness_mm": 2.0, "refractive_index": 1.5}},
 }
 NAMES = {"several LEDs": ["one", "two"], "states": ["near", "far"]}

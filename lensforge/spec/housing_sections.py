@@ -24,6 +24,7 @@ from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Milli
 MOST_BODIES = 32
 
 Finish = Literal["black", "diffuse", "mirror"]
+_Reflectance = Annotated[float, Field(ge=0.0, le=1.0)] | None
 
 
 @public
@@ -53,8 +54,10 @@ class HousingSection(OfSeveralKinds, Section):
         description='Its surface. "black": takes all light. "diffuse": reflects it into all directions by the law of '
         'Lambert. "mirror": reflects it as a mirror. The search takes all bodies for black.',
     )
-    reflectance: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        default=None, description="Share of the light that a diffuse surface or a mirror reflects; it takes the rest."
+    reflectance: _Reflectance = Field(
+        default=None,
+        description="Share of the light that a diffuse surface or a mirror reflects, of a room its walls; it takes the "
+        "rest.",
     )
     patch_mm: Millimetres | None = Field(
         default=None,
@@ -181,7 +184,6 @@ _SIDES: dict[str, Vector] = {
     "wall-3": (1.0, 0.0, 0.0),
     "wall-4": (0.0, 1.0, 0.0),
 }
-_Reflectance = Annotated[float, Field(ge=0.0, le=1.0)] | None
 _BESIDE = 1e-9  # of its size: a lens may stand in the very ceiling
 
 
@@ -198,7 +200,6 @@ class HousingRoom(HousingSection):
 
     kind: Literal["room"] = "room"
     size_mm: tuple[Millimetres, Millimetres, Millimetres] = Field(description="Its inner lengths along x, y and z.")
-    reflectance: _Reflectance = Field(default=None, description="Share of the light that its walls reflect.")
     floor_reflectance: _Reflectance = Field(
         default=None, description="Share of the light that its floor reflects; by default that of the walls."
     )
@@ -228,8 +229,8 @@ class HousingRoom(HousingSection):
             centre_mm=self.centre_mm,
             tilt_deg=self.tilt_deg,
             rotate_z_deg=self.rotate_z_deg,
-            surface=self.surface if reflectance else "black",
-            reflectance=reflectance or None,
+            surface=self.surface,
+            reflectance=reflectance,
             patch_mm=self.patch_mm,
             size_mm=self.size_mm,
             facing=facing,

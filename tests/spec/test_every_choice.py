@@ -215,7 +215,7 @@ ELSEWHERE = {  # where each value is one of a test's cases
     "LuminanceLimit.of": "light/test_luminance.py", "BodyLimit.of": "scene/test_body_view.py",
     "model": "sources/test_modelled_rays.py",
     **dict.fromkeys(
-        ("surface", "HousingBox.surface", "HousingCylinder.surface", "HousingFile.surface"),
+        tuple(f"{kind}surface" for kind in ("", "HousingBox.", "HousingCylinder.", "HousingFile.", "HousingRoom.")),
         "scene/test_wall_reflection.py",
     ),
     "robust": "search/test_share_of_parts.py", "application": "light/test_trade_figures.py",

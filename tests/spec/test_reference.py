@@ -29,7 +29,7 @@ PURE = {
     "surface_q0", "profile", "number",
     "events",
     "mirror",
-    "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
+    "refractive_index", "reflectance", "floor_reflectance", "ceiling_reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
     "directions", "ray_flux", "share", "rotation", "normal", "axis", "facing", "rays", "pixels",
