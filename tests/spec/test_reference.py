@@ -29,7 +29,7 @@ PURE = {
     "surface_q0", "profile", "number",
     "events",
     "mirror",
-    "refractive_index", "reflectance", "floor_reflectance", "ceiling_reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
+    "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
     "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
     "directions", "ray_flux", "share", "rotation", "normal", "axis", "facing", "rays", "pixels",
@@ -38,7 +38,7 @@ PURE = {
     "rings", "rim_rings", "count", "amount", "index", "source_flux", "source_size", "at_least", "at_most",
     "at_least_min_over_mean", "at_least_min_over_max", "at_most_contrast",
     "at_most_max_over_mean", "most_wall_ratio", "at_least_d50_over_d10", "at_least_gradient", "at_most_gradient",
-    "at_least_share", "at_most_share", "a", "b", "g", "robust", "rolloff",
+    "floor_reflectance", "ceiling_reflectance", "at_least_share", "at_most_share", "a", "b", "g", "robust", "rolloff",
 }  # fmt: skip
 
 
