@@ -187,11 +187,15 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
 
 
 def seen_by_lamp(spec: Spec, number: int) -> Spec:
-    """The spec of one of its lamps at the origin, with the receivers where that lamp sees them."""
+    """The spec of one of its lamps at the origin, with receivers and scene where that lamp sees them.
+
+    Without limits on bodies and eyes, which are of all lamps, and stand where those do.
+    """
     lamp = spec.all_lamps.lamps[number].pose
     sections = tuple(_alone(section).posed(section.pose.seen_from(lamp)) for section in spec.all_receivers)
     scene = tuple(body.posed(body.pose.seen_from(lamp)) for body in spec.scene)
-    return spec.of_one_lamp.changed(target=None, receivers=sections, scene=scene)
+    limits = tuple(limit for limit in spec.limits if limit.of_receiver)
+    return spec.of_one_lamp.changed(target=None, receivers=sections, scene=scene, limits=limits)
 
 
 def _alone(section: ReceiverSection) -> ReceiverSection:

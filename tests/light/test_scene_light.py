@@ -262,6 +262,16 @@ def test_a_yield_judges_a_limit_on_a_body_of_one_lamp_alone() -> None:
         measure_yield(lamps, parts=4, rays=2**9, with_budget=False)
 
 
+def test_a_limit_on_a_body_faces_the_scene_and_not_a_lamp_that_leans_in_it() -> None:
+    """The light of the one lamp that a proof casts is not judged by it."""
+    limit = DOSE | {"facing": [0.0, 0.0, -1.0], "within_deg": 5.0}
+    upright = MAST | {"tilt_deg": [0.0, 0.0]}
+    spec = small_spec(scene=[upright], lamps=LAMPS | {"aims_mm": [[0.0, 0.0, 60.0], [0.0, 0.0, 70.0]]}, limits=[limit])
+    alone = seen_by_lamp(spec, 1)
+    assert len(spec.limits) == 1 and not alone.limits and alone.scene[0].tilt_deg != (0.0, 0.0)
+    assert lf.evaluate(lens_of(alone), rays=2**10).on_bodies[0].mean.value > 0.0
+
+
 @pytest.mark.parametrize("surface", [MIRROR, WHITE], ids=["mirror", "white"])
 def test_a_ring_returns_what_it_does_not_take(surface: dict[str, Any]) -> None:
     """Of the light that a black ring takes; the far field loses the same. What it adds in the window is stated."""
