@@ -1,7 +1,7 @@
 """Bodies in the light against Mitsuba 3: a tube with a black bezel, a black grille, a handrail of three lamps, a room.
 
     pip install lensforge[mitsuba]
-    python benchmarks/mitsuba_scenes.py [--rays 65536]
+    python benchmarks/mitsuba_scenes.py [--rays 65536] [--seed 7]
 
 Light leaves the lens by our tracer, as other tests hold that to Mitsuba; the rays are those by which verification
 draws a source. What they meet is Mitsuba's: its cylinders, disks and cubes, meshes of trimesh, its diffuse reflection.
@@ -196,12 +196,12 @@ def scenes() -> dict[str, Scene]:
     }  # fmt: skip
 
 
-def cast(lens: lf.Lens, shapes: dict[str, Any], rays: int) -> Hits:
+def cast(lens: lf.Lens, shapes: dict[str, Any], rays: int, seed: int) -> Hits:
     """Rays of the source through the lens, and then into Mitsuba's scene."""
     spec = lens.spec
     source = searched_source(spec)
     exits = TracedLens.of(lens, PRESETS["standard"].evaluate_nodes_per_sigma).trace(
-        independent_rays(spec.of_one_lamp, source, rays, 7)
+        independent_rays(spec.of_one_lamp, source, rays, seed)
     )
     lamps = spec.all_lamps.lamps
     chosen = np.random.default_rng(3).integers(len(lamps), size=rays)
@@ -236,13 +236,14 @@ def cast(lens: lf.Lens, shapes: dict[str, Any], rays: int) -> Hits:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rays", type=int, default=2**16, help="of Mitsuba")
+    parser.add_argument("--seed", type=int, default=7, help="of Mitsuba's rays")
     options = parser.parse_args()
     mi.set_variant("scalar_rgb")
     print("| scene | share of the light | lensforge | Mitsuba | apart, σ |\n|---|---|---|---|---|")
     for name, scene in scenes().items():
         spec = parse_spec(BASIS | scene.changes, "scene")
         lens = lf.Lens(start_faces(spec), spec, 0, PRESETS["standard"])
-        counted = scene.counted(cast(lens, scene.shapes, options.rays))
+        counted = scene.counted(cast(lens, scene.shapes, options.rays, options.seed))
         for figure, ours, error in scene.figures(lf.evaluate(lens)):
             each = counted[figure]
             theirs = float(each.sum())
