@@ -52,8 +52,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "What a screen, a simulator, a surgical lamp, curing, a bicycle, a backlight and plants are judged by"
         " ([figures of a trade](limits.md#figures-of-a-trade)).",
         (
-            "projector", "solar_simulator", "surgical_lamp", "surgical_mask", "uv_curing", "bike_lamp", "backlight_thin",
-            "growth_lamp",
+            "projector", "solar_simulator", "surgical_lamp", "surgical_mask", "uv_curing", "bike_lamp",
+            "backlight_thin", "growth_lamp",
         ),
     ),
     "Roads": (
