@@ -149,7 +149,7 @@ class TriedSize(Record):
 
 
 def _searches_within(design: Any) -> str:
-    """Which size, the number of searches for it, and the next smaller one within which no lens holds the limits."""
+    """The size that is sought, by how many searches, and the next smaller one within which no lens holds all limits."""
     least_mm = design.least_mm
     below = [
         size.within_mm for size in design.sizes if not size.holds and (least_mm is None or size.within_mm < least_mm)
