@@ -240,10 +240,11 @@ def test_each_measured_body_of_a_scene_is_compared_with_its_own_light_behind_all
     spec = small_spec(scene=[section.model_dump() for section in sections])
     by_design = {name: np.full(3, value) for name, value in (("tube", 2.0), ("second", 5.0))}
     measured = [SimpleNamespace(name=name, irradiance=irradiance) for name, irradiance in by_design.items()]
-    bodies = _patched_bodies(spec, SimpleNamespace(on_bodies=measured))
+    bodies = _patched_bodies(spec, SimpleNamespace(on_bodies=measured, rays=4096))
     assert [body.name for body in bodies] == ["second", "tube"]
     for body in bodies:
         np.testing.assert_array_equal(body.designed, by_design[body.name])
+        assert body.designed_rays == 4096
         others = [section for section in sections if section.name != body.name]
         assert [other.centre_mm for other in body.others] == [section.centre_mm for section in others]
 
