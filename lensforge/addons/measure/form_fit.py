@@ -14,8 +14,11 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter
 
 from lensforge.addons.measure.picture_model import BLUR_PX, Camera, Numbers, PictureModel, Pictures, blurred
-from lensforge.errors import InputError
+from lensforge.errors import InputError, refused
 
+OTHERWISE = (
+    "are the LED's places those of the pictures, in their order, is the dark picture given, and is it this lens?"
+)
 _LIT = 0.04  # of the brightest pixel: where it is darker, slopes are noise
 _EDGE_PX = 4.0 * BLUR_PX  # from the border, beyond which light is unknown
 _BROAD_PX = 4.0  # over which the scatter of few replicates is averaged
@@ -111,7 +114,8 @@ def fit_form(light: Pictures, model: PictureModel, camera: Camera, sloped: Pictu
         for _ in range(_STEPS):
             step = information.estimator @ (data - pictures.mean(axis=0)).ravel() - information.covariance @ numbers
             numbers = numbers + step
-            pictures = seen()
+            with refused("pictures", f"no low-order errors of this lens explain them (…); {OTHERWISE}", InputError):
+                pictures = seen()
             if np.linalg.norm(step) < _SETTLED:
                 break
     residual = data - pictures.mean(axis=0)

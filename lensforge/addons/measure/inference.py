@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.addons.measure.form_fit import FormFit, covariance_with, fit_form
+from lensforge.addons.measure.form_fit import OTHERWISE, FormFit, covariance_with, fit_form
 from lensforge.addons.measure.form_unknowns import FormUnknowns
 from lensforge.addons.measure.image_similarity import normalised
 from lensforge.addons.measure.inference_result import FurtherPicture, Inference, InferredError
@@ -93,7 +93,7 @@ def infer_errors(lens: Lens, shots: Shots, *, expected_um: float, pixels: int, r
     if fit.chi_square > _ANOTHER:
         raise InputError(
             f"pictures: no low-order errors of this lens explain them, chi-square {fit.chi_square:.3g}, at most "
-            f"{_ANOTHER:g}; are the LED's places those of the pictures, in their order, and is it this lens?"
+            f"{_ANOTHER:g}; {OTHERWISE}"
         )
     of_lens = len(unknowns)  # the numbers of the camera stand behind
     covariance = max(1.0, fit.chi_square) * fit.covariance[:of_lens, :of_lens]
