@@ -27,6 +27,7 @@ from result_tables import table
 from scipy.ndimage import map_coordinates
 from skimage.transform import ProjectiveTransform
 
+from lensforge.addons.measure.form_unknowns import zernike
 from lensforge.light.lens_light import source_of
 from lensforge.light.simulation import TracedLens, simulate
 from lensforge.scene.receiver_shapes import receivers_of
@@ -58,24 +59,6 @@ def designed_lens() -> lf.Lens:
     return lf.design(spec, accuracy="draft").lens
 
 
-def forms(directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "8 n"]:
-    """Noll's polynomials 4 to 11 in Cartesian coordinates of the equal-area disc."""
-    x, y = (directions[:, :2] / np.sqrt(1.0 + directions[:, 2:])).T
-    square = x * x + y * y
-    return np.stack(
-        [
-            3**0.5 * (2 * square - 1),
-            6**0.5 * (x * x - y * y),
-            6**0.5 * 2 * x * y,
-            8**0.5 * (3 * square - 2) * x,
-            8**0.5 * (3 * square - 2) * y,
-            8**0.5 * (x**3 - 3 * x * y * y),
-            8**0.5 * (3 * x * x * y - y**3),
-            5**0.5 * (6 * square**2 - 6 * square + 1),
-        ]
-    )
-
-
 @dataclass(frozen=True)
 class MadeFace(Surface):
     """A face with form errors along its normal, displaced by ``shift_um``."""
@@ -90,7 +73,7 @@ class MadeFace(Surface):
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         normals = self.designed.normal(directions)
-        along_mm = 1e-3 * (normals @ self.shift_um + self.amounts_um @ forms(directions))
+        along_mm = 1e-3 * (normals @ self.shift_um + zernike(directions) @ self.amounts_um)
         return self.designed.radius(directions) + along_mm / (normals * directions).sum(axis=1)
 
 

@@ -44,6 +44,7 @@ from lensforge.kernels.fields import (
 from lensforge.kernels.frames import BACK, BETWEEN, INTO, back_into_faces, to_next_face, turned, turned_back, z_axis
 from lensforge.kernels.fresnel import refract, through
 from lensforge.kernels.next_event import is_side_way
+from lensforge.kernels.polarised_event import turn_field
 from lensforge.kernels.ray_packet import SIZE, fields, three, write
 from lensforge.kernels.ring_scatter import bounce, shift_at, spread, spread_adjoint, turn_between
 from lensforge.kernels.traced_body import BODY, OUTSIDE, own_or_shared
@@ -155,14 +156,6 @@ def field_turn(packet, k, mirrored):
     more = (packet[K + k], packet[K + SIZE + k])
     b = reflect(d, n, c) if mirrored else three(packet, B + k)
     return FieldTurn(a, more, n, add_scaled(n, -c, d), d, b, mirrored)
-
-
-@inline
-def turn_field(packet, place, face):
-    """Take a field through a face (``FieldTurn``)."""
-    real, imaginary = field_behind(three(packet, place), three(packet, place + FIELD), face)
-    write(packet, place, real)
-    write(packet, place + FIELD, imaginary)
 
 
 @inline

@@ -237,7 +237,7 @@ class HousingRoom(HousingSection):
         )
 
     def require_around(self, lamps: Lamps) -> None:
-        """Raise ``ValueError`` for a lamp that does not stand in the room."""
+        """Raise ``ValueError`` for a lamp outside of the room."""
         half = 0.5 * np.array(self.size_mm)
         for number, lamp in enumerate(lamps.lamps):
             x, y, z = self.pose.to_local_points(np.array(lamp.place_mm)).tolist()

@@ -201,7 +201,7 @@ _NOTES = {
     "source.origin": "the file's virtual focus lies at the lens origin",
     **dict.fromkeys(_OF_CAVITY, _MEASURED),
     "lens.profile": "coefficients of each face; lens and ring of the exit have half of them each",
-    "lens.exit.groove_radius_mm": "of that between them, 1/18 of the height: a STEP follows no finer one",
+    "lens.exit.groove_radius_mm": "of that between them: a STEP follows no finer one",
     "constraints.max_height_mm": "so high the lens is: the least with 0.98 of the light of any height",
     "manufacture.cutter_radius_mm": "of the ball, which reaches all of both faces",
     "manufacture.process": "the search keeps what its tools need; milled, turned, moulded, extruded, printed, or none",

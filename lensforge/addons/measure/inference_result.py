@@ -36,7 +36,7 @@ class InferredError(Record):
 
     @property
     def is_told(self) -> bool:
-        """True if its standard error is less than what is expected of it: its correction is one."""
+        """True if its standard error is well below its prior standard deviation, so that a correction gains by it."""
         return (self.value.standard_error or 0.0) <= NOT_SEEN * self.expected
 
 

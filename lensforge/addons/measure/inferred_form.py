@@ -38,6 +38,8 @@ def inference_of(inferred: Inference | Path, lens: Lens) -> Inference:
     Raises :class:`InputError` for another file, and for errors of another lens.
     """
     if isinstance(inferred, Path):
+        if not inferred.is_dir() and inferred.suffix != ".json":
+            raise InputError(f"{inferred}: no JSON file; give the infer.json that `lensforge infer` wrote")
         folder, stem = (inferred, None) if inferred.is_dir() else (inferred.parent, inferred.stem)
         inferred = Inference.read(folder, stem)
     if inferred.inputs["lens"] != lens.sha256:
@@ -47,9 +49,9 @@ def inference_of(inferred: Inference | Path, lens: Lens) -> Inference:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Errors of one face, each in units of what is expected of it, and the radial ``fields`` (mm) of such units.
+    """Errors of one face in units of their prior standard deviations, and the radial deviation (mm) of each unit.
 
-    ``told``: True for those that are known better than what is expected of them.
+    ``fields``: these deviations by direction. ``told``: True for errors that the pictures tell.
     """
 
     names: tuple[str, ...]
@@ -60,7 +62,7 @@ class _Errors:
 
     @staticmethod
     def of(made: Inference, by_unit: Mapping[str, Float[np.ndarray, " n"]]) -> "_Errors":
-        """The errors of ``made`` of which there is the field (mm) of a unit of the record."""
+        """Errors of ``made`` by name; ``by_unit``: radial deviation (mm) of a µm or a mrad of each that counts."""
         kept = [number for number, error in enumerate(made.errors) if error.name in by_unit]
         errors = [made.errors[number] for number in kept]
         return _Errors(
@@ -72,10 +74,10 @@ class _Errors:
         )
 
     def kept(self, points: PointDeviations, gain: float) -> tuple[Float[np.ndarray, " n"], float]:
-        """Radial deviations (mm) such as a face that is corrected by ``gain`` may keep, and the rms of what is wrong.
+        """Radial deviations (mm) that a face corrected by ``gain`` may keep, and the rms (mm) of their uncertainty.
 
-        Both along the normal over the area. What is wrong is drawn, at right angles to what is left as it is, so that
-        their squares add as in the mean.
+        The rms is along the normal, over the area. The uncertain part is drawn by the covariance of the errors,
+        orthogonal to the deviation that is left on purpose, so that the squares of both add up as they do in the mean.
         """
         values, vectors = np.linalg.eigh(self.covariance)
         modes = self.fields @ (vectors * np.sqrt(np.maximum(values, 0.0)))

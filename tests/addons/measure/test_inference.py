@@ -166,3 +166,21 @@ def test_slopes_are_those_of_pictures_by_many_rays(lens: lf.Lens) -> None:
         inside = np.s_[:, 6:-6, 6:-6]
         along = first[number][inside].ravel()
         assert along @ change[inside].ravel() == pytest.approx(along @ second[number][inside].ravel(), rel=0.1), number
+
+
+def test_a_step_to_faces_that_are_none_is_told_as_pictures_of_something_else(
+    lens: lf.Lens, shots: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    traced = PictureModel.pictures
+
+    def pictures(model, numbers):
+        if numbers.any():
+            raise lf.InputError("inner surface: its radius falls to -5 mm")
+        return traced(model, numbers)
+
+    monkeypatch.setattr(PictureModel, "pictures", pictures)
+    message = (
+        r"no low-order errors of this lens explain them \(inner surface: its radius falls.*is the dark picture given"
+    )
+    with pytest.raises(lf.InputError, match=message):
+        lf.infer(lens, **options(shots, rays=2**12))

@@ -176,6 +176,7 @@ def test_nothing_told_another_lens_and_another_file_are_refused(folder: Path, tm
             {"inferred": tmp_path / "points.json"},
         ),
         (r"none.json: .*run `lensforge infer` first", {"inferred": tmp_path / "none.json"}),
+        (r"poses.csv: no JSON file; give the infer.json", {"inferred": tmp_path / "poses.csv"}),
         (r"give one of two: points measured on the first cut, --points FILE", {}),
         (r"give one of two", {"inferred": unseen, "points": tmp_path / "points.json"}),
     ):
