@@ -29,6 +29,8 @@ from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec import load_spec
 
 LEVELS, MANY, AUTOMATIC = (25, 81, 289), (25, 81, 289, 1089, 2741), (9, 25, 81, 289, 1089)
+# With a face of each that is frosted, and the levels of its functions.
+FROSTED = (("flat_top", "outer", (25, 81)), ("spot", "exit", ()), ("reflector", "cup", ()), ("shelf", "outer", ()))
 SPEC, CHAIN = (Path(__file__).parents[1] / "examples" / f"{name}.toml" for name in ("flat_top", "spot"))
 
 
@@ -120,6 +122,9 @@ def main() -> None:
     print(f"{'functions':10s} {ratio:8.2f}  times the cost for {2 * larger.parametrisation.basis.size} functions")
     by_patches(2**16, options.repeat)
     print(f"{'chain':10s} {chain_to_double(2**16, options.repeat):8.2f}  times the cost of the flat top at equal rays")
+    for name, face, levels in FROSTED:
+        ratio = frosted_to_polished(name, face, levels, options.repeat)
+        print(f"{'frosted':10s} {ratio:8.2f}  times the cost of a step of {name} with its {face} polished")
     print(f"{'single':10s} {single_to_double(2**16, options.repeat):8.2f}  times the cost in double precision")
 
 
@@ -147,6 +152,35 @@ def chain_to_double(rays: int, repeat: int) -> float:
     )
     times = [[traced_and_back(*case) for case in cases] for _ in range(repeat + 1)][1:]
     return statistics.median(one / other for one, other in times)
+
+
+def frosted_to_polished(name: str, face: str, levels: tuple[int, ...], repeat: int) -> float:
+    """Processor time of a whole step with fresh rays, 2^16 of them, with a frosted face over that without, in turns."""
+    scatter = {f"lens.{face}.scatter": {"kind": "gaussian", "sigma_deg": 3.0}}
+    steps = [whole_step(name, change, levels, 2**16) for change in (scatter, {})]
+    times = [[processor_seconds(step) for step in steps] for _ in range(repeat + 1)][1:]
+    return statistics.median(one / other for one, other in times)
+
+
+def whole_step(name: str, change: dict[str, object], levels: tuple[int, ...], rays: int) -> Callable[[], None]:
+    """A step of the search of a changed example, from its start."""
+    spec = load_spec(SPEC.parent / f"{name}.toml").replace(change)
+    source = build_source(spec.source, spec.lens.dispersion, facets=len(change))
+    spec = spec.with_levels(levels)
+    problem = Problems(settled_symmetry(spec, source), source, 3.4, None).of(levels)
+    start = [values.detach().requires_grad_() for values in problem.parametrisation.start()]
+
+    def step() -> None:
+        loss = problem.merit.step_loss(*start, source.sample(rays, 0), problem.constraints, False).loss
+        loss.backward()
+
+    return step
+
+
+def processor_seconds(work: Callable[[], None]) -> float:
+    start = time.process_time()
+    work()
+    return time.process_time() - start
 
 
 def single_to_double(rays: int, repeat: int) -> float:

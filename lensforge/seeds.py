@@ -98,37 +98,39 @@ def of_choice(seed: int) -> int:
     return MOST + 1 + seed
 
 
-def sobol(count: int, dimensions: int, seed: int | np.random.Generator) -> Float[np.ndarray, "n d"]:
+def sobol(count: int, dimensions: int, seed: int | np.random.Generator, first: int = 0) -> Float[np.ndarray, "n d"]:
     """Draw ``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced.
+
+    Of the ``dimensions`` those before number ``first`` are left out.
 
     Scrambled Sobol sequences (Owen 1998; Matousek's linear scramble) in at most eight ``dimensions``. They are those of
     ``scipy.stats.qmc.Sobol``, bit for bit, without the second that scipy.stats takes to load.
     """
     if count <= _FEW and isinstance(seed, int):
-        return _few(count, dimensions, seed).copy()
-    return _drawn(count, dimensions, seed)
+        return _few(count, dimensions, seed, first).copy()
+    return _drawn(count, dimensions, seed, first)
 
 
 @lru_cache(maxsize=64)
-def _few(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
-    return _drawn(count, dimensions, seed)
+def _few(count: int, dimensions: int, seed: int, first: int) -> Float[np.ndarray, "n d"]:
+    return _drawn(count, dimensions, seed, first)
 
 
-def _drawn(count: int, dimensions: int, seed: int | np.random.Generator) -> Float[np.ndarray, "n d"]:
+def _drawn(count: int, dimensions: int, seed: int | np.random.Generator, first: int) -> Float[np.ndarray, "n d"]:
     rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed).spawn(1)[0]
     places = 1 << np.arange(_BITS, dtype=np.uint32)
     shift = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32) @ places
     scramble = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1) + np.eye(_BITS)
     digits = _direction_numbers()[:dimensions, None, :] >> np.arange(_BITS)[::-1, None] & 1  # the highest first
     steps = places[::-1] @ ((scramble @ digits).astype(np.uint32) & 1)
-    points = np.empty((count, dimensions))
+    points = np.empty((count, dimensions - first))
     drawn = np.empty(count, np.uint32)
-    for dimension in range(dimensions):
+    for dimension in range(first, dimensions):
         drawn[0] = shift[dimension]
         for bit in range((count - 1).bit_length()):  # in Gray's order: what there is, from its end, and one bit changed
             new = drawn[2**bit : 2 ** (bit + 1)]
             np.bitwise_xor(drawn[2**bit - len(new) : 2**bit][::-1], steps[dimension, bit], out=new)
-        np.multiply(drawn, 0.5**_BITS, out=points[:, dimension])
+        np.multiply(drawn, 0.5**_BITS, out=points[:, dimension - first])
     return points
 
 

@@ -200,12 +200,12 @@ def adjoint_of_pairs(rays, body, ways, fates, by, gradients, packet):
         move_to_face(packet, whole, FIRST_EVENT, body.tables[0], body.grid)
         fetch_table(packet, count, body.tables[0], FIRST_EVENT + CELL)
         take_jets(packet, whole, FIRST_EVENT, body.grid)
-        fetch_facets(packet, count, FIRST_EVENT, inner_face(), rays.noise, rays.keys, body.slopes, body.grid)
+        fetch_facets(packet, count, FIRST_EVENT, inner_face(), rays.noise, rays.keys, body)
         forward_at_inner(packet, whole, rays, body, body.films)
         move_to_face(packet, whole, SECOND_EVENT, body.tables[1], body.grid)
         fetch_table(packet, count, body.tables[1], SECOND_EVENT + CELL)
         take_jets(packet, whole, SECOND_EVENT, body.grid)
-        fetch_facets(packet, count, SECOND_EVENT, outer_face(), rays.noise, rays.keys, body.slopes, body.grid)
+        fetch_facets(packet, count, SECOND_EVENT, outer_face(), rays.noise, rays.keys, body)
         back_behind_outer(packet, whole, rays, body, by.by_axial)
         back_through_inner(packet, whole, rays, body)
         add_to_table(packet, count, FIRST_EVENT, inverse_step, gradients[0])
@@ -258,7 +258,7 @@ def on_to_event(packet, count, face, rays, body, ways):
     move_to_face(packet, whole, at, table, body.grid)
     fetch_table(packet, count, table, at + CELL)
     take_jets(packet, whole, at, body.grid)
-    fetch_facets(packet, count, at, face, rays.noise, rays.keys, body.slopes, body.grid)
+    fetch_facets(packet, count, at, face, rays.noise, rays.keys, body)
 
 
 @inline
@@ -321,7 +321,7 @@ def adjoint_of_way(memory, count, met, rays, body, ways, by_fields, by_tables):
         face = met_face(event, met, body.sides)
         recall_event(packet, whole, stored_events[event])
         if event + 1 < events:  # of the last one all else is there
-            fetch_facets(packet, count, FIRST_EVENT, face, rays.noise, rays.keys, body.slopes, body.grid)
+            fetch_facets(packet, count, FIRST_EVENT, face, rays.noise, rays.keys, body)
             refract_all_at(packet, whole, face, rays, body.grid)
             all_amplitudes(packet, whole, face, rays, body)
         back_through(packet, whole, face, event + 1 == events, rays, body)

@@ -13,9 +13,21 @@ from typing import NamedTuple
 from lensforge.kernels.bicubic import scatter
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.drawn_faces import across
-from lensforge.kernels.facet_normals import drawn_slope, facet_normal, facet_normal_adjoint, seen_slope
+from lensforge.kernels.facet_normals import drawn_slope, facet_normal, facet_normal_adjoint, note_incidence
 from lensforge.kernels.fresnel import outward_normal, reflect_adjoint, refract_adjoint
-from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, fields, jet_at, mark_hit, three, write
+from lensforge.kernels.ray_packet import (
+    COEFFICIENTS,
+    SIZE,
+    fetch_table,
+    fields,
+    in_whole_vectors,
+    jet_at,
+    mark_hit,
+    three,
+    write,
+)
+from lensforge.kernels.seen_slopes import CELL as SEEN_CELL
+from lensforge.kernels.seen_slopes import SEEN_FIELDS, added_slope
 from lensforge.kernels.vectors import add_scaled, dot, scaled
 
 # A ray's number; sensitivities to its point and direction, first behind the body and then ever nearer to its start,
@@ -30,8 +42,10 @@ from lensforge.kernels.vectors import add_scaled, dot, scaled
 # the derivatives of that.
 P, _, _, D, _, _, PATH, INDEX_RATIO, CELL, _, _, _, JET, _, _, _, _, BY_TABLE, _, _, FACET, _, _, _, _ = fields(0, 25)
 BLOCK = 25
-FIRST_EVENT, SECOND_EVENT = fields(COEFFICIENTS + 16, 2 * BLOCK)[::BLOCK]
-OF_POLARISATION = COEFFICIENTS + 16 + 2 * BLOCK  # what follows is that of the polarisation
+SEEN = fields(COEFFICIENTS + 16, SEEN_FIELDS)[0]  # while it is found what light sees of facets
+_OF_RAY = COEFFICIENTS + 16 + SEEN_FIELDS
+FIRST_EVENT, SECOND_EVENT = fields(_OF_RAY, 2 * BLOCK)[::BLOCK]
+OF_POLARISATION = _OF_RAY + 2 * BLOCK  # what follows is that of the polarisation
 
 
 class MetFace(NamedTuple):
@@ -110,18 +124,28 @@ def jet_of(packet, place):
 
 
 @inline
-def fetch_facets(packet, count, at, face, noise, keys, slopes, grid):
+def fetch_facets(packet, count, at, face, noise, keys, body):
     """The facets that all rays meet at an event, at whose hits they are."""
     if noise is not None:  # known to the compiler
-        for k in range(count):
-            x, y = drawn_slope(int(packet[RAY + k]), face.face, face.times, noise, keys, slopes)
-            jet = jet_of(packet, at + JET + k)
-            normal = outward_normal(across(three(packet, at + P + k), grid.half_mm), jet[0], jet[1])
-            d = three(packet, at + D + k)
-            seen, by_c, by_along = seen_slope(x, y, slopes[face.face], normal, d)
-            write(packet, at + FACET + k, (x, y, seen))
-            packet[at + FACET + 3 * SIZE + k] = by_c
-            packet[at + FACET + 4 * SIZE + k] = by_along
+        if body.slopes[face.face] > 0.0:
+            rms = body.slopes[face.face]
+            whole = in_whole_vectors(count)
+            for k in range(count):
+                x, y = drawn_slope(int(packet[RAY + k]), face.face, face.times, noise, keys, body.slopes)
+                packet[at + FACET + k] = x
+                packet[at + FACET + SIZE + k] = y
+            for k in range(whole):
+                jet = jet_of(packet, at + JET + k)
+                normal = outward_normal(across(three(packet, at + P + k), body.grid.half_mm), jet[0], jet[1])
+                note_incidence(packet, SEEN, k, at + FACET, rms, normal, three(packet, at + D + k))
+            fetch_table(packet, count, body.seen, SEEN + SEEN_CELL)
+            for k in range(whole):
+                write(packet, at + FACET + 2 * SIZE + k, added_slope(packet, SEEN, k))
+        else:
+            for k in range(in_whole_vectors(count)):
+                write(packet, at + FACET + k, (0.0, 0.0, 0.0))
+                packet[at + FACET + 3 * SIZE + k] = 0.0
+                packet[at + FACET + 4 * SIZE + k] = 0.0
 
 
 @inline

@@ -10,10 +10,28 @@ from math import cos, log1p, pi, sin, sqrt
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.drawn_faces import across
 from lensforge.kernels.fresnel import outward_normal
+from lensforge.kernels.nearest_face import FACE
 from lensforge.kernels.ray_draws import drawn
-from lensforge.kernels.ray_packet import DX, FACET, LENGTH, PX, RAY, RHO_X, RHO_Y, SIZE, three, write
-from lensforge.kernels.seen_slopes import added_slope
+from lensforge.kernels.ray_packet import (
+    DX,
+    FACET,
+    LENGTH,
+    PX,
+    RAY,
+    RHO_X,
+    RHO_Y,
+    SIZE,
+    R,
+    fetch_table,
+    in_whole_vectors,
+    three,
+    write,
+)
+from lensforge.kernels.seen_slopes import CELL, RMS, added_slope, mark_incidence
+from lensforge.kernels.traced_body import times_met
 from lensforge.kernels.vectors import add_scaled, dot, linear_combination, scaled, unit
+
+SEEN = R  # memory of rays that search: at their faces none does
 
 
 @inline
@@ -37,22 +55,58 @@ def on_face(x, y, u):
 
 
 @inline
-def seen_slope(x, y, rms, normal, d):
-    """``added_slope`` of a facet as light along d sees it on a face with this normal."""
+def note_incidence(packet, at, k, facet, rms, normal, d):
+    """Note how light along d comes to the facet whose slopes are at ``facet``, on a face with this normal."""
     u = unit(normal)
-    along, _ = on_face(x, y, u)
-    return added_slope(rms, dot(u, d), dot(along, d))
+    along, _ = on_face(packet[facet + k], packet[facet + SIZE + k], u)
+    mark_incidence(packet, at, k, rms, dot(u, d), dot(along, d))
 
 
 @inline
-def fetch_facet(packet, lane, face, times, noise, keys, slopes, grid):
-    """The facet that a ray of a packet meets at its crossing, if faces are rough."""
+def draw_facet(packet, lane, face, times, noise, keys, slopes):
+    """Draw the facet that a ray of a packet meets on a face after ``times`` earlier hits."""
+    x, y = drawn_slope(int(packet[RAY + lane]), face, times, noise, keys, slopes)
+    packet[FACET + lane] = x
+    packet[FACET + SIZE + lane] = y
+    packet[SEEN + RMS + lane] = slopes[face]
+
+
+@inline
+def see_facets(packet, count, body):
+    """Find what light sees of the facets that were drawn, at the crossings of all rays of a packet."""
+    whole = in_whole_vectors(count)
+    for k in range(whole):
+        d = three(packet, DX + k)
+        p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)
+        normal = outward_normal(across(p, body.grid.half_mm), packet[RHO_X + k], packet[RHO_Y + k])
+        note_incidence(packet, SEEN, k, FACET, packet[SEEN + RMS + k], normal, d)
+    fetch_table(packet, count, body.seen, SEEN + CELL)
+    for k in range(whole):
+        packet[FACET + 2 * SIZE + k] = added_slope(packet, SEEN, k)[0]
+
+
+@inline
+def meet_facets(packet, count, face, noise, keys, body):
+    """The facets that the rays of a packet meet at their crossings with one face, where any face is rough."""
     if noise is not None:  # known to the compiler
-        x, y = drawn_slope(int(packet[RAY + lane]), face, times, noise, keys, slopes)
-        d = three(packet, DX + lane)
-        p = add_scaled(three(packet, PX + lane), packet[LENGTH + lane], d)
-        normal = outward_normal(across(p, grid.half_mm), packet[RHO_X + lane], packet[RHO_Y + lane])
-        write(packet, FACET + lane, (x, y, seen_slope(x, y, slopes[face], normal, d)[0]))
+        if body.slopes[face] > 0.0:
+            for k in range(count):
+                draw_facet(packet, k, face, 0, noise, keys, body.slopes)
+            see_facets(packet, count, body)
+        else:
+            for k in range(in_whole_vectors(count)):
+                write(packet, FACET + k, (0.0, 0.0, 0.0))
+
+
+@inline
+def meet_any_facets(packet, count, event, met, noise, keys, body):
+    """:func:`meet_facets` of rays that each have found a face of their own."""
+    if noise is not None:  # known to the compiler
+        for k in range(count):
+            face = int(packet[FACE + k])
+            times = times_met(met, int(packet[RAY + k]), event, face)
+            draw_facet(packet, k, face, times, noise, keys, body.slopes)
+        see_facets(packet, count, body)
 
 
 @inline

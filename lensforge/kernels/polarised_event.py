@@ -8,7 +8,7 @@ from math import sqrt
 
 from lensforge.kernels.compiled import inline
 from lensforge.kernels.drawn_faces import across
-from lensforge.kernels.facet_normals import facet_normal, fetch_facet
+from lensforge.kernels.facet_normals import facet_normal, meet_any_facets, meet_facets
 from lensforge.kernels.fields import FieldTurn, field_behind, passing, reflect, reflecting
 from lensforge.kernels.first_hit import FOUND
 from lensforge.kernels.frames import BACK, turned, z_axis
@@ -45,7 +45,7 @@ from lensforge.kernels.ray_packet import (
     three,
     write,
 )
-from lensforge.kernels.traced_body import own_or_shared, times_met
+from lensforge.kernels.traced_body import own_or_shared
 from lensforge.kernels.vectors import add_scaled, dot, length_of, scaled, unit
 
 
@@ -94,8 +94,7 @@ def refract_in_order(packet, count, face, film, rays, body, axis):
 def refract_at(packet, count, face, films, rays, body, axis):
     """:func:`refract_in_order` for the whole vectors of a packet, at a face that may have a film."""
     whole = in_whole_vectors(count)
-    for k in range(count):
-        fetch_facet(packet, k, face, 0, rays.noise, rays.keys, body.slopes, body.grid)
+    meet_facets(packet, count, face, rays.noise, rays.keys, body)
     if films is None:  # known to the compiler
         refract_in_order(packet, whole, face, None, rays, body, axis)
     else:
@@ -117,11 +116,9 @@ def refract_second(packet, count, axial, rays, body):
 @inline
 def refract_any(packet, count, event, rays, body, met):
     """Move all rays of a packet to their crossings, and refract them there, also if some are reflected."""
+    meet_any_facets(packet, count, event, met, rays.noise, rays.keys, body)
     for k in range(count):
-        face = int(packet[FACE + k])
-        times = times_met(met, int(packet[RAY + k]), event, face)
-        fetch_facet(packet, k, face, times, rays.noise, rays.keys, body.slopes, body.grid)
-        packet[MIRROR + k] = body.sides.mirrors[face]
+        packet[MIRROR + k] = body.sides.mirrors[int(packet[FACE + k])]
     for k in range(in_whole_vectors(count)):
         d = three(packet, DX + k)
         p = add_scaled(three(packet, PX + k), packet[LENGTH + k], d)

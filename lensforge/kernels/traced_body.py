@@ -84,8 +84,9 @@ class TracedBody(NamedTuple):
     None: of a double lens in unpolarised light, two faces that are met in their order, whose polarisation has a closed
     form. Else polarised light is followed by its fields. Its faces are met in their order, once each, and light that
     is reflected is lost; or, where the ``bounds`` have balls, in any order, as ``kernels.nearest_face`` finds them.
-    ``slopes``: of each face, by which the noise of the rays is multiplied; None if all are polished. ``placement``:
-    None of a double lens in unpolarised light alone, whose faces are in place.
+    ``slopes``: of each face, by which the noise of the rays is multiplied, and ``seen``: the table of
+    ``kernels.seen_slopes``; None if all faces are polished. ``placement``: None of a double lens in unpolarised light
+    alone, whose faces are in place.
     """
 
     tables: Float[np.ndarray, "f side side"]
@@ -98,6 +99,7 @@ class TracedBody(NamedTuple):
     films: FaceFilms | None = None
     placement: FacePlacement | None = None
     slopes: Float[np.ndarray, " f"] | None = None
+    seen: Float[np.ndarray, "side side"] | None = None
 
 
 class Ways(NamedTuple):

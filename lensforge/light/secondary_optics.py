@@ -101,6 +101,7 @@ def _passage(
         films=coatings.for_kernels(DOUBLE),
         placement=place.placement.packed(),
         slopes=rough.slopes,
+        seen=rough.seen,
     )
     medium = media.body
     coming = RaysIn(

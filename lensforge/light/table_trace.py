@@ -101,6 +101,7 @@ class Scene:
             films=coatings.for_kernels(self.names),
             placement=None if in_closed_form else placed.packed(),
             slopes=rough.slopes,
+            seen=rough.seen,
         )
 
     def coming(self, rays: RayBundle, rough: Roughness, coatings: RayCoatings) -> RaysIn:

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt64
 
 from lensforge.kernels.face_records import RingShifts
+from lensforge.kernels.seen_slopes import seen_table
 from lensforge.optics.media import Media
 from lensforge.optics.scattering import GaussianFacets, RingScatter
 from lensforge.scene.made_part import AsMade
@@ -22,6 +23,7 @@ from lensforge.sources.ray_bundle import RayBundle
 Scatter = GaussianFacets | RingScatter
 Keys = UInt64[np.ndarray, " n"]
 Numbers = Float[np.ndarray, "n 2"]
+NumbersOfFaces = Float[np.ndarray, "n m"]
 
 
 class Roughness(NamedTuple):
@@ -36,6 +38,11 @@ class Roughness(NamedTuple):
     shifts: RingShifts | None = None
     keys: Keys | None = None
 
+    @property
+    def seen(self) -> Float[np.ndarray, "side side"] | None:
+        """Table of the slopes that light sees; None if no face has facets."""
+        return None if self.slopes is None else seen_table()
+
 
 def roughness(
     media: Media, names: Sequence[str], rays: RayBundle, made: AsMade | None = None, first: int = 0, before: int = 0
@@ -49,56 +56,55 @@ def roughness(
     models = media.scattering_of(names)
     if noise is None and models is None:
         return Roughness()
-    rough = Roughness(keys=_keys(rays))
+    keys = keys_of_rays(rays)
+    rough = Roughness(keys=keys)
     if made is not None and noise is not None:
         rough = rough._replace(noise=noise[first:], slopes=made.slopes_of_faces)
     if models is None:
         return rough
     rms = np.array([model.slope if isinstance(model, GaussianFacets) else 0.0 for model in models])
     if rms.any():
-        slopes = facet_slopes(rays, models, before)
+        numbers = facet_numbers(rays, keys, models, before)
         if rough.noise is not None and rough.slopes is not None:
-            slopes = slopes + rough.noise * np.repeat(rough.slopes, 2)
+            slopes = numbers * np.repeat(rms, 2) + rough.noise * np.repeat(rough.slopes, 2)
             rms = np.hypot(rms, rough.slopes)
-        rough = rough._replace(noise=slopes / np.repeat(np.where(rms > 0.0, rms, 1.0), 2), slopes=rms)
-    return rough._replace(shifts=ring_shifts(rays, models, before)) if media.has_rings else rough
+            numbers = slopes / np.repeat(np.where(rms > 0.0, rms, 1.0), 2)
+        rough = rough._replace(noise=numbers, slopes=rms)
+    return rough._replace(shifts=_ring_shifts(rays, keys, models, before)) if media.has_rings else rough
 
 
 def with_facets(rays: RayBundle, faces: int) -> RayBundle:
     """``rays`` with their numbers for as many ``faces`` that scatter, for whoever is to meet the same facets."""
     if not faces:
         return rays
-    keys = _keys(rays)
+    keys = keys_of_rays(rays)
     return replace(rays, facets=np.column_stack([_numbers(rays, keys, face) for face in range(faces)]))
 
 
 def wall_numbers(rays: RayBundle, media: Media) -> Numbers | None:
     """Two numbers of each ray for the wall of the scene that reflects it; None if no wall is diffuse."""
-    return _numbers(rays, _keys(rays), media.scattering - 1) if media.walls == "diffuse" else None
+    return _numbers(rays, keys_of_rays(rays), media.scattering - 1) if media.walls == "diffuse" else None
 
 
-def facet_slopes(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 0) -> Float[np.ndarray, "n m"]:
-    """Slopes of the facets that each ray meets first, along two lines on each of the ``faces``; 0 on one without.
+def facet_numbers(rays: RayBundle, keys: Keys, faces: Sequence[Scatter | None], before: int = 0) -> NumbersOfFaces:
+    """Slopes, over their rms, of the facets that each ray meets first, along two lines; 0 on a face without.
 
-    ``before``: number of faces that scatter and that the rays have met before, on other bodies.
-    """
-    slopes_of_faces = np.zeros((len(rays), 2 * len(faces)))
-    for face, facets, numbers in _at_each(rays, faces, before):
-        if isinstance(facets, GaussianFacets):
-            slopes = facets.amounts(numbers[:, 0])
-            azimuths = 2.0 * np.pi * numbers[:, 1]
-            np.multiply(slopes, np.cos(azimuths), out=slopes_of_faces[:, 2 * face])
-            np.multiply(slopes, np.sin(azimuths), out=slopes_of_faces[:, 2 * face + 1])
-    return slopes_of_faces
-
-
-def ring_shifts(rays: RayBundle, faces: Sequence[Scatter | None], before: int = 0) -> RingShifts:
-    """Shifts of the light of each ray behind each of the ``faces``; none behind one that has facets, or is polished.
-
-    ``before``: as of :func:`facet_slopes`.
+    ``keys`` of the rays; ``before``: number of faces that scatter and that the rays have met before, on other bodies.
     """
     numbers = np.zeros((len(rays), 2 * len(faces)))
-    for face, _, two in _at_each(rays, faces, before):
+    for face, facets, two in _at_each(rays, keys, faces, before):
+        if isinstance(facets, GaussianFacets):
+            amounts = GaussianFacets(1.0).amounts(two[:, 0])
+            azimuths = 2.0 * np.pi * two[:, 1]
+            np.multiply(amounts, np.cos(azimuths), out=numbers[:, 2 * face])
+            np.multiply(amounts, np.sin(azimuths), out=numbers[:, 2 * face + 1])
+    return numbers
+
+
+def _ring_shifts(rays: RayBundle, keys: Keys, faces: Sequence[Scatter | None], before: int) -> RingShifts:
+    """Shifts of the light of each ray behind each of the ``faces``; none behind one that has facets, or is polished."""
+    numbers = np.zeros((len(rays), 2 * len(faces)))
+    for face, _, two in _at_each(rays, keys, faces, before):
         numbers[:, 2 * face : 2 * face + 2] = two
     return _tables(tuple(face if isinstance(face, RingScatter) else None for face in faces))._replace(numbers=numbers)
 
@@ -130,10 +136,11 @@ def _tables(faces: tuple[RingScatter | None, ...]) -> RingShifts:
     return tables
 
 
-def _at_each(rays: RayBundle, faces: Sequence[Scatter | None], before: int) -> Iterator[tuple[int, Scatter, Numbers]]:
+def _at_each(
+    rays: RayBundle, keys: Keys, faces: Sequence[Scatter | None], before: int
+) -> Iterator[tuple[int, Scatter, Numbers]]:
     """Number and model of each face that scatters, with two numbers of each ray there."""
     rough = [(face, model) for face, model in enumerate(faces) if model is not None]
-    keys = _keys(rays)
     for number, (face, model) in enumerate(rough, before):
         yield face, model, _numbers(rays, keys, number)
 
@@ -145,7 +152,8 @@ def _numbers(rays: RayBundle, keys: Keys, number: int) -> Numbers:
     return numbers_again(keys, number, np.zeros(len(keys), dtype=np.int64))
 
 
-def _keys(rays: RayBundle) -> Keys:
+def keys_of_rays(rays: RayBundle) -> Keys:
+    """Keys of the numbers that rays draw."""
     from lensforge.kernels.ray_draws import keys_of
 
     return keys_of(rays.origins, rays.directions)

@@ -121,7 +121,7 @@ class FacetedSource(ChangedSource):
 
     def changed_rays(self, rays: RayBundle, seed: int) -> RayBundle:
         """The rays with their numbers."""
-        return replace(rays, facets=sobol(len(rays), _OF_RAYS + 2 * self.faces, seeds.of_facets(seed))[:, _OF_RAYS:])
+        return replace(rays, facets=sobol(len(rays), _OF_RAYS + 2 * self.faces, seeds.of_facets(seed), _OF_RAYS))
 
 
 def build_source(

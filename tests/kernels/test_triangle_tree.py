@@ -1,5 +1,7 @@
 """Rays among triangles against all of the triangles, one by one: first hits, and rims that rays pass."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -49,15 +51,20 @@ def test_the_first_hit_is_that_of_all_triangles(count: int) -> None:
     assert count < 30 or 20 < hit.sum() < 690
 
 
-@pytest.mark.parametrize("most", [0.02, 0.3])
-def test_the_nearest_rim_is_that_of_all_edges(most: float) -> None:
-    """By many places of each edge, within the span of the ray."""
-    corners = soup(24, 3)
+def beside_edges() -> tuple[np.ndarray, ...]:
+    """Triangles; starts, directions and spans of rays, half of which have no end."""
     points, directions = rays(300, 2)
     spans = np.tile([2.0, 25.0], (len(points), 1))
     spans[::2, 1] = FAR
+    return soup(24, 3), points, directions, spans
+
+
+@cache
+def least_tangents() -> np.ndarray:
+    """Least distance from each ray over that along it, of many places of each edge within the span of the ray."""
+    corners, points, directions, spans = beside_edges()
     share = np.linspace(0.0, 1.0, 4001)[:, None]
-    wanted = np.full(len(points), most)
+    least = np.full(len(points), np.inf)
     for start, end in ((corners[:, k], corners[:, (k + 1) % 3]) for k in range(3)):
         for one, other in zip(start, end, strict=True):
             away = (one + share * (other - one))[None] - points[:, None]
@@ -65,7 +72,14 @@ def test_the_nearest_rim_is_that_of_all_edges(most: float) -> None:
             aside = np.linalg.norm(away - along[:, :, None] * directions[:, None], axis=2)
             counts = (along > spans[:, :1]) & (along < spans[:, 1:])
             tangents = np.where(counts, aside / np.maximum(along, 1e-9), np.inf)
-            wanted = np.minimum(wanted, tangents.min(axis=1))
+            least = np.minimum(least, tangents.min(axis=1))
+    return least
+
+
+@pytest.mark.parametrize("most", [0.02, 0.3])
+def test_the_nearest_rim_is_that_of_all_edges(most: float) -> None:
+    corners, points, directions, spans = beside_edges()
+    wanted = np.minimum(least_tangents(), most)
     distances = np.empty(len(points))
     rims = np.zeros((len(points), 3))
     edges = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])

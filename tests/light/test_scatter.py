@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from chains import clear, upwards
@@ -13,7 +14,8 @@ from scipy.stats import kstest, norm
 
 from lensforge.errors import InputError
 from lensforge.kernels.fate import Fate
-from lensforge.kernels.seen_slopes import added_slope, seen_number
+from lensforge.kernels.ray_packet import COEFFICIENTS, SIZE, empty_packet, fetch_table
+from lensforge.kernels.seen_slopes import CELL, added_slope, mark_incidence, seen_number, seen_table
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.media import FaceScatter, Media
 from lensforge.optics.scattering import FacetTurn, GaussianFacets, RingScatter, gaussian, lambertian
@@ -21,7 +23,7 @@ from lensforge.proof.facet_tilt import Arrival, FaceNumbers, _seen, tilted
 from lensforge.proof.refraction import LitRays
 from lensforge.proof.ring_spread import Spreading, spread
 from lensforge.scene.made_part import AsMade
-from lensforge.scene.rough_faces import facet_slopes, numbers_again, roughness, with_facets
+from lensforge.scene.rough_faces import facet_numbers, keys_of_rays, numbers_again, roughness, with_facets
 from lensforge.sources.build_source import build_source
 from lensforge.spec.scatter_section import AbgScatter, GaussianScatter, LambertianScatter, TableScatter
 from lensforge.spec.source_sections import SquareSource
@@ -29,7 +31,21 @@ from lensforge.surfaces.asphere import sphere
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 
 SEEN = alone(seen_number)
-ADDED = alone(added_slope)
+AT = COEFFICIENTS * SIZE
+
+
+@numba.njit(error_model="numpy")
+def _added(packet, table, light):
+    mark_incidence(packet, AT, 0, *light)
+    fetch_table(packet, 1, table, AT + CELL)
+    return added_slope(packet, AT, 0)
+
+
+def added(rms: float, cosine: float, along: float) -> tuple[float, float, float]:
+    """Slope of one facet that light sees beyond what is drawn, and its derivatives."""
+    return _added(empty_packet(), seen_table(), (rms, cosine, along))
+
+
 N = 1.49
 GRID = TableGrid(161)
 SPHERES = np.stack([tabulate(GRID, sphere(radius)) for radius in (1.0, 3.0)])
@@ -100,14 +116,20 @@ def test_a_frosted_face_lets_through_what_its_facets_do(face: str, sigma_deg: fl
 def test_light_sees_the_facets_that_face_it(a: float, k: float) -> None:
     """The share of the facets that light sees with a lesser slope, by quadrature, is that of lesser normal numbers."""
     seen = [quad(lambda x: (k + x) * np.exp(-0.5 * x * x), *ends, epsabs=1e-13, epsrel=1e-12, limit=200)[0]
-            for ends in ((max(-k, -12.0), SEEN(a, k)[0]), (SEEN(a, k)[0], 12.0))]  # fmt: skip
+            for ends in ((max(-k, -12.0), SEEN(a, k)), (SEEN(a, k), 12.0))]  # fmt: skip
     assert seen[a > 0.0] / sum(seen) == pytest.approx(norm.cdf(-abs(a)), rel=1e-7)
-    assert _seen(np.array([a]), np.array([k]))[0] == pytest.approx(SEEN(a, k)[0], rel=1e-9, abs=1e-9), "of the proof"
-    step = 1e-4
-    for k, by in ((1, [a + step, a - step]), (2, None)):
-        ends = [(incidence, 0.7) for incidence in by] if by else [(a, 0.7 + step), (a, 0.7 - step)]
-        above, below = (SEEN(*end)[0] for end in ends)
-        assert SEEN(a, 0.7)[k] == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
+    assert _seen(np.array([a]), np.array([k]))[0] == pytest.approx(SEEN(a, k), rel=1e-9, abs=1e-9), "of the proof"
+
+
+@pytest.mark.parametrize(("most", "within"), [(3.0, 3e-8), (4.0, 5e-8), (6.0, 1e-6)])
+def test_the_table_of_what_light_sees_is_as_close_as_it_says(most: float, within: float) -> None:
+    """By random numbers and incidences from grazing light to the normal; across the light a facet stays as drawn."""
+    rng = np.random.default_rng(0)
+    rms = 0.3
+    for a, cosine in zip(most * rng.uniform(-1.0, 1.0, 2000), rng.random(2000) ** 2, strict=True):
+        sine = np.sqrt(1.0 - cosine**2)
+        exact = SEEN(a, cosine / (rms * sine)) - a
+        assert added(rms, cosine, a * rms * sine)[0] * sine / rms == pytest.approx(exact, abs=within)
 
 
 @pytest.mark.parametrize("cosine", [0.02, 0.5, 0.9999, 1.0 - 1e-7, -0.3])
@@ -116,12 +138,12 @@ def test_what_is_seen_changes_with_the_incidence_as_its_derivatives_say(rms: flo
     """By differences, also beside the place from which a series is summed; light from behind sees the other slopes."""
     along = 0.8 * rms * np.sqrt(1.0 - cosine**2)
     step = min(1e-5, 0.3 * (1.0 - abs(cosine)))
-    terms = ADDED(rms, cosine, along)
-    by_c = [ADDED(rms, cosine + sign * step, along)[0] for sign in (1.0, -1.0)]
+    terms = added(rms, cosine, along)
+    by_c = [added(rms, cosine + sign * step, along)[0] for sign in (1.0, -1.0)]
     assert terms[1] == pytest.approx((by_c[0] - by_c[1]) / (2.0 * step), rel=2e-3, abs=1e-9)
-    by_along = [ADDED(rms, cosine, along + sign * 1e-4 * rms)[0] for sign in (1.0, -1.0)]
+    by_along = [added(rms, cosine, along + sign * 1e-4 * rms)[0] for sign in (1.0, -1.0)]
     assert terms[2] == pytest.approx((by_along[0] - by_along[1]) / (2e-4 * rms), rel=2e-3, abs=1e-9)
-    other = ADDED(rms, -cosine, -along)
+    other = added(rms, -cosine, -along)
     assert other == pytest.approx((-terms[0], terms[1], terms[2]), rel=1e-12)
 
 
@@ -188,7 +210,7 @@ def test_a_polished_face_costs_no_bits_and_one_face_does_not_scatter_for_another
         assert (
             np.abs(TracedBundle.of(SPHERES, Scene(media, GRID), RAYS).exits.directions - plain.directions).max() > 0.1
         )
-    drawn = facet_slopes(RAYS, (GaussianFacets(0.1), None, GaussianFacets(0.1)))
+    drawn = facet_numbers(RAYS, keys_of_rays(RAYS), (GaussianFacets(0.1), None, GaussianFacets(0.1)))
     assert not drawn[:, 2:4].any()
     assert np.abs(np.corrcoef(drawn[:, [0, 1, 4, 5]].T) - np.eye(4)).max() < 0.012, "each face has its own"
 
@@ -221,8 +243,8 @@ def test_a_drawn_sample_has_quasi_random_facets_for_two_faces() -> None:
         for other in range(one):
             cells = (4.0 * place[:, one]).astype(int) * 4 + (4.0 * place[:, other]).astype(int)
             assert set(np.bincount(cells, minlength=16)) == {256}, (one, other)
-    scattered = facet_slopes(rays, (GaussianFacets(0.1), GaussianFacets(0.1), GaussianFacets(0.1)))
-    assert np.abs(scattered.std(axis=0) - 0.1).max() < 0.004 and np.abs(scattered[:, :4].mean(axis=0)).max() < 1e-4
+    scattered = facet_numbers(rays, keys_of_rays(rays), (GaussianFacets(0.1),) * 3)
+    assert np.abs(scattered.std(axis=0) - 1.0).max() < 0.04 and np.abs(scattered[:, :4].mean(axis=0)).max() < 1e-3
 
 
 def test_facets_of_a_made_part_add_to_those_of_the_design() -> None:
@@ -259,7 +281,8 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
             numbers = draws.at(faces, np.full(500, times))
             ways = sign * (cosine * normals + sine * sideways)
             tilted_normals = tilted(Arrival(normals, normals, ways), rms, numbers)
-            slopes = facet_slopes(rays, kinds, before).reshape(500, 2, 2)[np.arange(500), faces]
+            drawn_numbers = facet_numbers(rays, keys_of_rays(rays), kinds, before)
+            slopes = rms[:, None] * drawn_numbers.reshape(500, 2, 2)[np.arange(500), faces]
             if times:
                 by_face = np.stack([numbers_again(keys, face, np.full(500, times)) for face in (0, 1)])
                 radial, azimuthal = by_face[faces, np.arange(500)].T
@@ -272,7 +295,7 @@ def test_the_proof_meets_the_facets_of_the_design_on_the_lens_and_on_a_body() ->
             tilts = np.column_stack([slopes, 0.0 * along]) - along[:, None] * (normals + np.eye(3)[2])
             drawn = sine * (tilts * sideways).sum(axis=1)
             more = [
-                ADDED(s, sign * cosine, sign * a)[0] * sign * sine if s else 0.0
+                s * (SEEN(a / (s * sine), cosine / (s * sine)) - a / (s * sine)) if s else 0.0
                 for s, a in zip(rms, drawn, strict=True)
             ]
             wanted = normals + tilts + np.array(more)[:, None] * sideways

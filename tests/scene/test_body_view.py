@@ -102,7 +102,7 @@ def test_a_tube_is_dark_in_its_own_shadow_and_in_that_of_another_body() -> None:
 
     free = cosines > 0.0
     for share in np.linspace(0.004, 1.0, 300):
-        free &= ~blocked(places + share * towards)
+        free[free] = ~blocked((places + share * towards)[free])
     areas = np.linalg.norm(np.cross(second - first, third - first), axis=1) / 2.0
     on_pieces = W_PER_SR * areas * np.where(free, cosines / away**2, 0.0).mean(axis=0)
     wanted = np.bincount(patches.numbers, on_pieces)
