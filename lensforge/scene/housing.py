@@ -1,11 +1,11 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
-A ray that meets one of them before its end is lost there, or reflected once: what then meets a second wall is lost.
-A search takes all bodies for black. As light must fade out in it, it also dims rays that pass a rim closely. With c the
-distance of a place of a body from the ray's line, and L how far that place lies along it from the origin of the lamp,
-the least t = c / L counts: below ``rim`` a ray has the weight ``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of
-its distance from the body. Bodies then seem larger by half of the angle ``rim``; with it that goes to 0, and the noise
-of the slope grows.
+A ray that meets one of them before its end is lost there, is reflected once, or crosses a clear one once: what then
+meets a second wall is lost. A search takes all bodies for black, and clear ones for air. As light must fade out in
+it, it also dims rays that pass a rim closely. With c the distance of a place of a body from the ray's line, and L how
+far that place lies along it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight
+``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of
+the angle ``rim``; with it that goes to 0, and the noise of the slope grows.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,9 @@ from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.rims import dim_beside_rims
 from lensforge.kernels.triangle_tree import TriangleTree, any_hits, first_hits, tree_of
 from lensforge.optics.arrays import Array, lengths, like
+from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.pose import IN_PLACE, Pose, Vector
+from lensforge.scene.clear_crossing import Crossing, refracted
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.scene.wall_reflection import diffused, mirrored, towards_light
@@ -103,21 +105,35 @@ class Reflected(NamedTuple):
 
 
 class Finishes(NamedTuple):
-    """Finish of each body: the share of light that it reflects, 0 for a black one, and whether it spreads it."""
+    """Finish of each body: the share of light that it reflects, 0 for a black one, and whether it spreads it.
+
+    ``indices``, ``absorptions`` (1/mm): of clear bodies; 0 for others.
+    """
 
     reflectances: Float[np.ndarray, " b"]
     diffuse: Bool[np.ndarray, " b"]
+    indices: Float[np.ndarray, " b"]
+    absorptions: Float[np.ndarray, " b"]
 
     @staticmethod
     def of(sections: Sequence[HousingSection]) -> "Finishes":
         """The finishes of bodies of a spec."""
-        reflectances = np.array([section.reflectance or 0.0 for section in sections])
-        return Finishes(reflectances, np.array([section.surface == "diffuse" for section in sections]))
+        return Finishes(
+            reflectances=np.array([section.reflectance or 0.0 for section in sections]),
+            diffuse=np.array([section.surface == "diffuse" for section in sections]),
+            indices=np.array([section.refractive_index or 0.0 for section in sections]),
+            absorptions=np.array([section.absorption_per_mm or 0.0 for section in sections]),
+        )
+
+    @property
+    def clear(self) -> Bool[np.ndarray, " b"]:
+        """True for clear bodies."""
+        return self.indices > 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Housing:
-    """The opaque bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
+    """The bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
 
     ``finishes``: of the bodies. ``edges``: the tree of the edges in which they are not flat, ``edge_bodies`` the body
     of each. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at
@@ -144,14 +160,18 @@ class Housing:
 
     @property
     def reflects(self) -> bool:
-        """True if a body reflects light."""
-        return bool(self.finishes.reflectances.any())
+        """True if light goes on from a body."""
+        return bool(self.finishes.reflectances.any() or self.finishes.clear.any())
 
     @property
-    def black(self) -> "Housing":
-        """The bodies as if all were black."""
-        black = np.zeros_like(self.finishes.reflectances)
-        return replace(self, finishes=self.finishes._replace(reflectances=black))
+    def opaque(self) -> "Housing | None":
+        """The bodies without clear ones; None if all are clear."""
+        return _opaque(self) if self.finishes.clear.any() else self
+
+    @property
+    def black(self) -> "Housing | None":
+        """The bodies as if all were black, without clear ones; None if all are clear."""
+        return self.opaque and self.opaque.faded(0.0)
 
     @property
     def reach_mm(self) -> float:
@@ -159,8 +179,8 @@ class Housing:
         return float(lengths(self.place.points(self.tree.corners.reshape(-1, 3))).max())
 
     def faded(self, rim_deg: float) -> "Housing":
-        """The bodies as a search sees them: black, and they dim rays beside their rims."""
-        return replace(self.black, rim=tan(radians(rim_deg)))
+        """Opaque bodies as a search sees them: black, and they dim rays beside their rims."""
+        return replace(self, finishes=Finishes(*map(np.zeros_like, self.finishes)), rim=tan(radians(rim_deg)))
 
     def lit_from(self, centres_mm: Sequence[Vector], radius_mm: float) -> "Housing":
         """The bodies for rays that all begin in balls outside of them, by the triangles that light from there can meet
@@ -204,6 +224,9 @@ class Housing:
         met = np.flatnonzero(shadow.triangles >= 0)
         shadow.bodies[met] = self.bodies[shadow.triangles[met]]
         shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
+        clear = met[self.finishes.clear[shadow.bodies[met]]]
+        if len(clear):
+            shadow.onward[clear] = self._crossing(shadow, clear, units[clear]).share
         return shadow
 
     def _fade(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
@@ -225,7 +248,10 @@ class Housing:
                 slopes[rows] = self.place.directions(slopes[rows])
 
     def reflected(self, rays: ExitRays, shadow: Shadow) -> Reflected:
-        """Rays from where ``rays`` meet bodies that are not black, by their ``shadow``, with the flux that goes on."""
+        """Rays from where ``rays`` meet bodies that reflect light, or leave clear ones, with the flux that goes on.
+
+        ``shadow``: theirs.
+        """
         rows = np.flatnonzero(shadow.met & (shadow.onward > 0.0))
         coming = self.place.to_local_directions(rays.directions[rows])
         normals = towards_light(self.normals[shadow.triangles[rows]], coming)
@@ -235,9 +261,33 @@ class Housing:
             assert rays.draws is not None, "the media know of diffuse walls"
             going[spread] = diffused(coming[spread], normals[spread], rays.draws[rows[spread]])
         starts = shadow.places[rows] + _OFF_WALL_MM * normals
+        clear = np.flatnonzero(self.finishes.clear[shadow.bodies[rows]])
+        if len(clear):
+            starts[clear], going[clear], _ = self._crossing(shadow, rows[clear], coming[clear])
         flux = shadow.onward[rows] * rays.flux[rows]
         ways = self.place.points(starts), self.place.directions(going)
         return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows]))
+
+    def _crossing(self, shadow: Shadow, rows: Int[np.ndarray, " k"], coming: _Vectors) -> Crossing:
+        """Light behind the clear bodies that the rays ``rows`` of a ``shadow`` meet, in the frame of the bodies.
+
+        One that meets another body within, as where bodies overlap, does not leave.
+        """
+        bodies = shadow.bodies[rows]
+        index = self.finishes.indices[bodies]
+        inwards = -towards_light(self.normals[shadow.triangles[rows]], coming)
+        within, fields = refracted(coming, unpolarised_fields(coming), inwards, 1.0 / index)
+        starts = shadow.places[rows] + _OFF_WALL_MM * inwards
+        lengths_mm = np.empty(len(rows))
+        numbers = np.empty(len(rows), dtype=np.int64)
+        first_hits(starts, within, np.full(len(rows), np.inf), self.tree, lengths_mm, numbers)
+        leaves = (numbers >= 0) & (self.bodies[numbers] == bodies)
+        lengths_mm = np.where(leaves, lengths_mm, 0.0)
+        outwards = -towards_light(self.normals[numbers], within)
+        going, fields = refracted(within, fields, outwards, index)
+        share = 0.5 * (fields**2).sum(axis=(1, 2)) * np.exp(-self.finishes.absorptions[bodies] * lengths_mm)
+        places = starts + lengths_mm[:, None] * within + _OFF_WALL_MM * outwards
+        return Crossing(places, going, share * leaves)
 
     @cached_property
     def normals(self) -> _Vectors:
@@ -269,13 +319,31 @@ def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...]) -
 
 
 @lru_cache(maxsize=8)
+def _opaque(housing: Housing) -> Housing | None:
+    """The housing without the triangles and edges of clear bodies."""
+    clear = housing.finishes.clear
+    if clear.all():
+        return None
+    tree, edges = (
+        _some_of(tree, ~clear[bodies[tree.numbers]])
+        for tree, bodies in ((housing.tree, housing.bodies), (housing.edges, housing.edge_bodies))
+    )
+    return replace(housing, tree=tree, edges=edges)
+
+
+@lru_cache(maxsize=8)
 def _lit_tree(housing: Housing, centres_mm: tuple[Vector, ...], radius_mm: float) -> TriangleTree:
     """The tree without triangles whose back faces all of the balls: light that meets one has met another before."""
     tree = housing.tree
     normals = housing.normals[tree.numbers]
     heights = np.array(centres_mm) @ normals.T - (tree.corners[:, 0] * normals).sum(axis=1)
-    kept = np.flatnonzero(heights.max(axis=0) > -radius_mm)
-    if len(kept) == 0:
+    return _some_of(tree, heights.max(axis=0) > -radius_mm)
+
+
+def _some_of(tree: TriangleTree, kept: Bool[np.ndarray, " t"]) -> TriangleTree:
+    """The tree of some triangles or edges, with the numbers that they had; the same tree if none are ``kept``."""
+    rows = np.flatnonzero(kept)
+    if len(rows) in (0, len(kept)):
         return tree
-    lit = tree_of(tree.corners[kept])
-    return lit._replace(numbers=tree.numbers[kept][lit.numbers])
+    some = tree_of(tree.corners[rows])
+    return some._replace(numbers=tree.numbers[rows][some.numbers])

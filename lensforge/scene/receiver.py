@@ -65,7 +65,7 @@ class PosedReceiver(ABC):
 
     Subclasses say in arrays where rays land, and may name a pair of kernels that do the same, many times as quickly.
     ``lamps``: those whose light it sees. Rays land from one at the origin; its pictures hold the mean flux of a lamp on
-    each pixel. ``housing``: opaque bodies before it; None without any.
+    each pixel. ``housing``: bodies before it; None without any.
     """
 
     pose: Pose
@@ -127,14 +127,13 @@ class PosedReceiver(ABC):
         return self if self.housing is None else replace(self, housing=self.housing.black)
 
     def searched(self, rim_deg: float, lens_mm: float) -> Self:
-        """The receiver of a search, in which bodies are black, and shadows fade out over an angle.
+        """The receiver of a search, in which bodies are black, or air, and shadows fade out over an angle.
 
         ``lens_mm``: radius of the ball about each lamp from which light comes.
         """
-        if self.housing is None:
-            return self
+        opaque = self.housing and self.housing.opaque
         lamps = [lamp.place_mm for lamp in self.lamps.lamps]
-        return replace(self, housing=self.housing.lit_from(lamps, lens_mm).faded(rim_deg))
+        return replace(self, housing=opaque and opaque.lit_from(lamps, lens_mm).faded(rim_deg))
 
     def _in_shadow(self, rays: ExitRays, landings: Landings) -> Landings:
         """``landings`` without ``rays`` that meet a body before; in a search these land, too, without flux."""
