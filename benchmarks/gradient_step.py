@@ -11,6 +11,7 @@ import lensforge  # noqa: F401  before torch, whose idle threads then sleep
 import argparse
 import resource
 import statistics
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+import trimesh
 
 from lensforge.light.table_trace import Scene, Tables, TracedBundle
 from lensforge.scene.exit_rays import Sensitivities
@@ -26,12 +28,13 @@ from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.schedule import rays_ahead
 from lensforge.sources.build_source import build_source
 from lensforge.sources.ray_bundle import RayBundle
-from lensforge.spec import load_spec
+from lensforge.spec import Spec, load_spec
+from lensforge.spec.housing_sections import HousingFile
 
 LEVELS, MANY, AUTOMATIC = (25, 81, 289), (25, 81, 289, 1089, 2741), (9, 25, 81, 289, 1089)
 # With a face of each that is frosted, and the levels of its functions.
 FROSTED = (("flat_top", "outer", (25, 81)), ("spot", "exit", ()), ("reflector", "cup", ()), ("shelf", "outer", ()))
-SPEC, CHAIN = (Path(__file__).parents[1] / "examples" / f"{name}.toml" for name in ("flat_top", "spot"))
+SPEC, CHAIN, BEZEL = (Path(__file__).parents[1] / "examples" / f"{name}.toml" for name in ("flat_top", "spot", "bezel"))
 
 
 def median_seconds(work: Callable[[], object], repeat: int) -> float:
@@ -47,8 +50,10 @@ def median_seconds(work: Callable[[], object], repeat: int) -> float:
 class Step:
     """The step of the design loop, with its parts callable one by one."""
 
-    def __init__(self, rays: int, levels: tuple[int, ...] = LEVELS, *, automatic: bool = False) -> None:
-        spec, start = load_spec(SPEC), time.perf_counter()
+    def __init__(
+        self, rays: int, levels: tuple[int, ...] = LEVELS, *, automatic: bool = False, spec: Spec | None = None
+    ) -> None:
+        spec, start = spec or load_spec(SPEC), time.perf_counter()
         self.source = build_source(spec.source, spec.lens.dispersion)
         spec = spec if automatic else spec.with_levels(levels)
         problem = Problems(settled_symmetry(spec, self.source), self.source, 3.4, None).of(levels)
@@ -77,6 +82,13 @@ class Step:
 
     def gradient(self) -> None:
         self.evaluate().backward()
+
+    def processor_seconds(self) -> float:
+        """Processor time of a step with fresh rays, on all threads."""
+        start = time.process_time()
+        self.bundle = self.source.sample(self.rays, 0)
+        self.gradient()
+        return time.process_time() - start
 
     def with_fresh_rays(self, repeat: int) -> list[float]:
         """Seconds of ``repeat`` steps of a search, which draws the next rays while it traces these."""
@@ -121,6 +133,8 @@ def main() -> None:
     ratio = times_the_cost(larger, step, options.repeat)
     print(f"{'functions':10s} {ratio:8.2f}  times the cost for {2 * larger.parametrisation.basis.size} functions")
     by_patches(2**16, options.repeat)
+    ratio, triangles = beside_a_body(2**16, options.repeat)
+    print(f"{'body':10s} {ratio:8.2f}  times the cost beside a body of {triangles} triangles")
     print(f"{'chain':10s} {chain_to_double(2**16, options.repeat):8.2f}  times the cost of the flat top at equal rays")
     for name, face, levels in FROSTED:
         ratio = frosted_to_polished(name, face, levels, options.repeat)
@@ -136,6 +150,22 @@ def traced_and_back(tables: Tables, scene: Scene, rays: RayBundle) -> float:
     start = time.process_time()
     TracedBundle.of(tables, scene, rays).gradients(by, by_flux, by_sin2)
     return time.process_time() - start
+
+
+def beside_a_body(rays: int, repeat: int) -> tuple[float, int]:
+    """Cost of a step of ``bezel`` whose bezel is a file of many triangles over that of one without it; their number."""
+    spec = load_spec(BEZEL).replace({"lens.symmetry": "none"})
+    (bezel,) = spec.scene
+    ring = trimesh.creation.annulus(bezel.bore_radius_mm, bezel.radius_mm, bezel.length_mm, sections=98)
+    while len(ring.faces) < 50_000:
+        ring = ring.subdivide()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "bezel.stl"
+        ring.export(file)
+        body = HousingFile(name=bezel.name, file=file, centre_mm=bezel.centre_mm)
+        steps = [Step(rays, spec=spec.replace(scene=scene)) for scene in ([body], [])]
+        times = [[step.processor_seconds() for step in steps] for _ in range(repeat + 1)][1:]
+        return statistics.median(one / other for one, other in times), len(ring.faces)
 
 
 def chain_to_double(rays: int, repeat: int) -> float:

@@ -7,6 +7,7 @@
 - ``adjoint``: gradients of what trace computes, backwards along each ray
 - ``fresnel``: refraction, transmittance, coatings
 - ``landing``: receivers, and their adjoint
+- ``triangle_tree``, ``rims``: bodies of a scene that rays meet, or pass closely, by eight boxes at once (``lanes``)
 - ``image_sums``: flux on pixels, and its adjoint
 - ``spline_patch``: points of a spline in space, for CAD
 - ``sparse.SparseMatrix``: a sparse matrix times a column for each face, for the search

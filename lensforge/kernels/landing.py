@@ -1,13 +1,14 @@
 """Exit rays onto receivers: the chart coordinates of each, and the adjoint to the exit ray.
 
 ``frame`` (3, 4): the receiver's unit axes x, y, and z, which points away from the lens, and its centre (mm) as columns.
-A ray that does not reach the receiver's surface gets the coordinates 0, and ``reached`` False.
+A ray that does not reach the receiver's surface gets the coordinates 0, the path -1, and ``reached`` False.
+``paths``: lengths (mm) of those that do, infinite to a far field.
 
 A ray p + t d meets a surface of normal N at q: with the sensitivity g to q, tangential to the surface, those to the ray
 are g - (g d) N / (N d) to p, and t times that to d.
 """
 
-from math import atan2, sqrt
+from math import atan2, inf, sqrt
 
 from lensforge.kernels.compiled import inline, kernel
 from lensforge.kernels.frames import place_back, turn, turn_back
@@ -37,16 +38,18 @@ def write_ray(by_hit, normal, direction, t, frame, by_point, by_direction):
 
 
 @kernel
-def plane(points, directions, frame, radius, hits, reached):
+def plane(points, directions, frame, radius, hits, paths, reached):
     """Coordinates (mm) on a plane; ``radius`` has no meaning."""
     for k in range(len(points)):
         hits[k, 0] = 0.0
         hits[k, 1] = 0.0
+        paths[k] = -1.0
         dx, dy, dz = turn_back(frame, directions[k])
         reached[k] = dz > LEAST_RISE
         if reached[k]:
             x, y, z = place_back(frame, points[k])
             t = -z / dz
+            paths[k] = t
             hits[k, 0] = x + t * dx
             hits[k, 1] = y + t * dy
 
@@ -80,14 +83,16 @@ def equal_area_adjoint(x, y, z, gx, gy):
 
 
 @kernel
-def far_field(points, directions, frame, radius, hits, reached):
+def far_field(points, directions, frame, radius, hits, paths, reached):
     """Chart coordinates of directions; ``radius`` has no meaning."""
     for k in range(len(points)):
         hits[k, 0] = 0.0
         hits[k, 1] = 0.0
+        paths[k] = -1.0
         x, y, z = turn_back(frame, directions[k])
         reached[k] = 1.0 + z > POLE
         if reached[k]:
+            paths[k] = inf
             hits[k, 0], hits[k, 1] = equal_area(x, y, z)
 
 
@@ -112,17 +117,19 @@ def to_sphere(x, y, z, dx, dy, dz, radius):
 
 
 @kernel
-def sphere(points, directions, frame, radius, hits, reached):
+def sphere(points, directions, frame, radius, hits, paths, reached):
     """Chart coordinates (mm) on a sphere of ``radius`` about the pose's centre, where rays leave it."""
     for k in range(len(points)):
         hits[k, 0] = 0.0
         hits[k, 1] = 0.0
+        paths[k] = -1.0
         x, y, z = place_back(frame, points[k])
         dx, dy, dz = turn_back(frame, directions[k])
         t = to_sphere(x, y, z, dx, dy, dz, radius)
         x, y, z = (x + t * dx) / radius, (y + t * dy) / radius, (z + t * dz) / radius
         reached[k] = t > 0.0 and 1.0 + z > POLE
         if reached[k]:
+            paths[k] = t
             x, y = equal_area(x, y, z)
             hits[k, 0] = radius * x
             hits[k, 1] = radius * y
@@ -154,16 +161,18 @@ def to_cylinder(x, z, dx, dz, radius):
 
 
 @kernel
-def cylinder(points, directions, frame, radius, hits, reached):
+def cylinder(points, directions, frame, radius, hits, paths, reached):
     """Arc length from the pose's z axis, and height along its y axis (mm), where rays leave a cylinder about it."""
     for k in range(len(points)):
         hits[k, 0] = 0.0
         hits[k, 1] = 0.0
+        paths[k] = -1.0
         x, y, z = place_back(frame, points[k])
         dx, dy, dz = turn_back(frame, directions[k])
         t = to_cylinder(x, z, dx, dz, radius)
         reached[k] = t > 0.0
         if reached[k]:
+            paths[k] = t
             hits[k, 0] = radius * atan2(x + t * dx, z + t * dz)
             hits[k, 1] = y + t * dy
 

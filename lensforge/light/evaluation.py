@@ -355,15 +355,22 @@ def _blocked(received: ReceivedFlux, receiver: PosedReceiver, emitted_w: float) 
         return ()
     blocked = []
     by_body = np.moveaxis(received.by_housing, 1, 0)
-    for name, reflectance, amounts in zip(
-        receiver.housing.names, receiver.housing.finishes.reflectances, by_body, strict=True
-    ):
-        _, _, met_w, *moments = amounts.mean(axis=0)
+    finishes = receiver.housing.finishes
+    ways = zip(receiver.housing.names, finishes.clear, finishes.reflectances > 0.0, by_body, strict=True)
+    for name, is_clear, reflects, amounts in ways:
+        *_, met_w, x, y, z = amounts.mean(axis=0)
         if met_w > 0.0:
-            taken, returned = (jackknife_metric(column / emitted_w, float) for column in amounts[:, :2].T)
-            place_mm = tuple(np.array(moments) / met_w)
-            onto_window = returned if reflectance > 0.0 else None
-            blocked.append(BlockedLight(name=name, share=taken, returned=onto_window, place_mm=place_mm))
+            taken, kept, onto_window = (jackknife_metric(column / emitted_w, float) for column in amounts[:, :3].T)
+            blocked.append(
+                BlockedLight(
+                    name=name,
+                    share=taken,
+                    returned=onto_window if reflects else None,
+                    passed=onto_window if is_clear else None,
+                    trapped=kept if is_clear else None,
+                    place_mm=(x / met_w, y / met_w, z / met_w),
+                )
+            )
     return tuple(blocked)
 
 

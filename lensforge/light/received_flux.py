@@ -40,7 +40,7 @@ class ReceivedFlux:
     in_regions: Float[np.ndarray, "r k"]
     regions: tuple[Region, ...] = ()
     colours: Float[np.ndarray, "3 r h w"] | None = None
-    by_housing: Float[np.ndarray, "r b 6"] | None = None
+    by_housing: Float[np.ndarray, "r b 7"] | None = None
 
     @staticmethod
     def none_yet(
@@ -57,7 +57,7 @@ class ReceivedFlux:
         in_regions = np.zeros((replicates, len(regions)))
         colours = np.zeros((3, *images.shape)) if coloured else None
         by_fate = np.zeros((replicates, CAUSES + bodies))
-        blocked = None if receiver.housing is None else np.zeros((replicates, len(receiver.housing), 6))
+        blocked = None if receiver.housing is None else np.zeros((replicates, len(receiver.housing), 7))
         return ReceivedFlux(images, by_fate, none, none.copy(), in_regions, regions, colours, blocked)
 
     @staticmethod
@@ -155,11 +155,13 @@ def flux_by_fate(
 
 def _by_body(
     rays: ExitRays, shadow: Shadow, returned: Float[np.ndarray, " n"], bodies: int
-) -> Float[np.ndarray, "b 6"]:
-    """Flux (W) that each body takes, that which it ``returned``, that which meets it, and the last times its place."""
+) -> Float[np.ndarray, "b 7"]:
+    """Flux (W) that each body takes, of it that of rays that end there, what it ``returned``, what meets it, and the
+    last times its place."""
     met = shadow.met
     flux = rays.flux[met]
     taken = flux * (1.0 - shadow.onward[met])
-    amounts = (taken, returned[met], flux, *(flux * coordinate for coordinate in shadow.places[met].T))
+    kept = np.where(shadow.onward[met] == 0.0, flux, 0.0)
+    amounts = (taken, kept, returned[met], flux, *(flux * coordinate for coordinate in shadow.places[met].T))
     sums = [np.bincount(shadow.bodies[met], amount, bodies) for amount in amounts]
     return np.stack(sums, axis=1).astype(np.float64)  # of nothing the sums are integers

@@ -75,10 +75,11 @@ class MissedByCause(Record):
 
 
 class BlockedLight(Record):
-    """Light that an opaque body of the scene keeps from the receiver.
+    """Light that a body of the scene keeps from the receiver.
 
     ``share``: of the emitted flux that the body takes; ``returned``: that which it reflects into the window, None of a
-    black one; ``place_mm``: mean of the places at which light meets it, weighted by flux.
+    black one; ``passed``: that which comes through a clear one into the window; ``trapped``: of ``share``, what it
+    reflects totally within. ``place_mm``: mean of the places at which light meets it, weighted by flux.
     """
 
     name: Text
@@ -86,6 +87,13 @@ class BlockedLight(Record):
     returned: Annotated[
         Metric | None,
         Figure("Light by reflection", "in the window, by {name}; the search takes it for black", unit="%"),
+    ] = None
+    passed: Annotated[
+        Metric | None,
+        Figure("Light through a clear body", "in the window, through {name}; the search takes it for air", unit="%"),
+    ] = None
+    trapped: Annotated[
+        Metric | None, Figure("Trapped in a clear body", "reflected totally within {name}", unit="%")
     ] = None
     place_mm: Point
 

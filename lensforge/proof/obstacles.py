@@ -1,4 +1,4 @@
-"""The opaque bodies of a scene as verification sees them: a mesh in the way of rays to a receiver.
+"""The bodies of a scene as verification sees them: a mesh in the way of rays to a receiver.
 
 Turned by rotations of its own, and cast through the grid by which it casts the part. Rays of the design come with the
 numbers by which diffuse walls reflect them; the proof's own rays have others.
@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from lensforge.optics.media import Media
+from lensforge.proof.clear_body import bent, through
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -26,7 +27,8 @@ _WALLS = 7  # of seeds: numbers that those of no face are
 class ObstacleBody(NamedTuple):
     """Vertices (mm) and triangles of a body in its own frame, which is turned about z, tilted, and then placed.
 
-    ``reflectance``: share of light that it reflects, 0 for a black one; ``diffuse``: in all directions.
+    ``reflectance``: share of light that it reflects, 0 for a black one; ``diffuse``: in all directions. ``index``,
+    ``absorption_per_mm``: of a clear one; 0 for others.
     """
 
     vertices: Float[np.ndarray, "v 3"]
@@ -36,6 +38,8 @@ class ObstacleBody(NamedTuple):
     centre_mm: tuple[float, float, float]
     reflectance: float = 0.0
     diffuse: bool = False
+    index: float = 0.0
+    absorption_per_mm: float = 0.0
 
     @property
     def corners(self) -> Float[np.ndarray, "t 3 3"]:
@@ -61,11 +65,14 @@ class Met(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Triangles (mm) of all bodies, in the coordinates of the screens, and how each reflects light."""
+    """Triangles (mm) of all ``bodies``, in the coordinates of the screens, and how each turns light."""
 
     corners: Float[np.ndarray, "t 3 3"]
+    bodies: Int[np.ndarray, " t"]
     reflectances: Float[np.ndarray, " t"]
     diffuse: Bool[np.ndarray, " t"]
+    indices: Float[np.ndarray, " t"]
+    absorptions: Float[np.ndarray, " t"]
 
     @staticmethod
     def of(bodies: Sequence[ObstacleBody]) -> "Obstacles | None":
@@ -73,9 +80,13 @@ class Obstacles:
         if not bodies:
             return None
         counts = [len(body.triangles) for body in bodies]
-        finishes = ([body.reflectance for body in bodies], [body.diffuse for body in bodies])
+        finishes = zip(
+            *((body.reflectance, body.diffuse, body.index, body.absorption_per_mm) for body in bodies), strict=True
+        )
         return Obstacles(
-            np.concatenate([body.corners for body in bodies]), *(np.repeat(finish, counts) for finish in finishes)
+            np.concatenate([body.corners for body in bodies]),
+            np.repeat(np.arange(len(bodies)), counts),
+            *(np.repeat(finish, counts) for finish in finishes),
         )
 
     @cached_property
@@ -92,7 +103,37 @@ class Obstacles:
         hits = self._grid.first_hits(Leg(points, directions, np.zeros(len(points))))
         blocked = hits.found & (hits.distances < paths_mm - _AT_END_MM)
         onward = np.where(blocked, self.reflectances[hits.triangles], 1.0)
-        return Met(np.where(blocked, hits.triangles, -1), hits.distances, onward)
+        met = Met(np.where(blocked, hits.triangles, -1), hits.distances, onward)
+        clear = np.flatnonzero(blocked & (self.indices[hits.triangles] > 0.0))
+        if len(clear):
+            onward[clear] = self._across(points[clear], directions[clear], met.take(clear))[2]
+        return met
+
+    def _across(
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], met: Met
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+        """Points and directions of rays behind clear bodies, and the share of their light that leaves."""
+        index = self.indices[met.triangles]
+        inwards = self._along(met.triangles, directions)
+        first = bent(directions, inwards, 1.0 / index)
+        starts = points + met.distances[:, None] * directions + _OFF_WALL_MM * inwards
+        ends = self._grid.first_hits(Leg(starts, first.directions, np.zeros(len(points))))
+        outwards = self._along(ends.triangles, first.directions)
+        second = bent(first.directions, outwards, index)
+        leaves = ends.found & (self.bodies[ends.triangles] == self.bodies[met.triangles])
+        paths_mm = np.where(leaves, ends.distances, 0.0)
+        share = leaves * through(first, second) * np.exp(-self.absorptions[met.triangles] * paths_mm)
+        places = starts + paths_mm[:, None] * first.directions + _OFF_WALL_MM * outwards
+        return places, second.directions, share
+
+    def _along(
+        self, triangles: Int[np.ndarray, " n"], directions: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """Unit normals of triangles, turned along rays."""
+        a, b, c = np.moveaxis(self.corners[triangles], 1, 0)
+        across = np.cross(b - a, c - a)
+        across *= np.sign(np.sum(across * directions, axis=1))[:, None]
+        return np.asarray(across / np.linalg.norm(across, axis=1)[:, None])
 
     def reflect(
         self,
@@ -102,10 +143,7 @@ class Obstacles:
         numbers: Float[np.ndarray, "n 2"],
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Points and directions from which rays go on that all ``met`` a body; ``numbers``: two in [0, 1) of each."""
-        a, b, c = np.moveaxis(self.corners[met.triangles], 1, 0)
-        across = np.cross(b - a, c - a)
-        across *= -np.sign(np.sum(across * directions, axis=1))[:, None]
-        n = across / np.linalg.norm(across, axis=1)[:, None]
+        n = -self._along(met.triangles, directions)
         cosine = -np.sum(directions * n, axis=1)[:, None]
         flat = directions + cosine * n
         size = np.linalg.norm(flat, axis=1)[:, None]
@@ -116,7 +154,11 @@ class Obstacles:
         spot = sine * np.exp(2j * np.pi * numbers[:, 1])
         spread = spot.real[:, None] * t + spot.imag[:, None] * np.cross(n, t) + np.sqrt(1.0 - sine**2)[:, None] * n
         going = np.where(self.diffuse[met.triangles][:, None], spread, flat + cosine * n)
-        return points + met.distances[:, None] * directions + _OFF_WALL_MM * n, going
+        starts = points + met.distances[:, None] * directions + _OFF_WALL_MM * n
+        clear = np.flatnonzero(self.indices[met.triangles] > 0.0)
+        if len(clear):
+            starts[clear], going[clear], _ = self._across(points[clear], directions[clear], met.take(clear))
+        return starts, going
 
 
 def wall_numbers(rays: RayBundle, media: Media, seed: int | None = None) -> Float[np.ndarray, "n 2"]:

@@ -82,9 +82,11 @@ class LitBody(PosedReceiver):
         units = np.ascontiguousarray(directions)
         distances = np.empty(len(points))
         pieces = np.empty(len(points), dtype=np.int64)
+        ends = np.full(len(points), np.inf)
 
         def work(part: slice) -> None:
-            first_hits(starts[part], units[part], self.patches.tree, distances[part], pieces[part])
+            rays = starts[part], units[part], ends[part]
+            first_hits(*rays, self.patches.tree, distances[part], pieces[part])
 
         in_pieces(work, len(points), worth=_WORTH_SHARING)
         return distances, pieces

@@ -279,7 +279,8 @@ def eye_views(spec: Spec, *, searched: bool = False) -> tuple[EyeView, ...]:
     reach = max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies))
     lamp = spec.all_lamps.lamps[0].pose
     housing = Housing.of(bodies_of(spec.scene, from_afar=True))
-    housing = None if housing is None else housing.black.seen_from(lamp)  # the eye looks at the lens alone
+    black = housing and housing.black  # the eye looks at the lens alone
+    housing = black and black.seen_from(lamp)
     views: list[EyeView] = []
     for number, limit in limits:
         labelled = zip(limit.eye_labels(number), limit.eyes(), strict=True)

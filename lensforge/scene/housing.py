@@ -1,11 +1,11 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
-A ray that meets one of them before its end is lost there, or reflected once: what then meets a second wall is lost.
-A search takes all bodies for black. As light must fade out in it, it also dims rays that pass a rim closely. With c the
-distance of a place of a body from the ray's line, and L how far that place lies along it from the origin of the lamp,
-the least t = c / L counts: below ``rim`` a ray has the weight ``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of
-its distance from the body. Bodies then seem larger by half of the angle ``rim``; with it that goes to 0, and the noise
-of the slope grows.
+A ray that meets one of them before its end is lost there, is reflected once, or crosses a clear one once: what then
+meets a second wall is lost. A search takes all bodies for black, and clear ones for air. As light must fade out in
+it, it also dims rays that pass a rim closely. With c the distance of a place of a body from the ray's line, and L how
+far that place lies along it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight
+``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of
+the angle ``rim``; with it that goes to 0, and the noise of the slope grows.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,9 +18,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.parallel import in_pieces
-from lensforge.kernels.triangle_tree import TriangleTree, first_hits, nearest_rims, tree_of
+from lensforge.kernels.rims import dim_beside_rims
+from lensforge.kernels.triangle_tree import TriangleTree, any_hits, first_hits, tree_of
 from lensforge.optics.arrays import Array, lengths, like
-from lensforge.optics.pose import IN_PLACE, Pose
+from lensforge.optics.dielectric import unpolarised_fields
+from lensforge.optics.pose import IN_PLACE, Pose, Vector
+from lensforge.scene.clear_crossing import Crossing, refracted
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.scene.wall_reflection import diffused, mirrored, towards_light
@@ -40,7 +43,8 @@ _Values = Float[np.ndarray, " n"]
 class Shadow(NamedTuple):
     """Rays in the shadow of bodies: the ``weights`` with which they get through, and the body that each meets, or -1.
 
-    ``places``: at which they meet it (mm), in the frame of the bodies; 0 of others. ``by_points``, ``by_directions``:
+    ``places``: at which they meet it first (mm), in the frame of the bodies; 0 of others, and in a search, which asks
+    for any body that a ray meets. ``by_points``, ``by_directions``:
     slopes of the weights by the points (1/mm) and directions of the rays. ``triangles``: that each meets, or -1.
     ``onward``: share of the flux that goes on from there, 1 of rays that meet none. ``again``: True for rays that then
     meet a second wall.
@@ -101,21 +105,35 @@ class Reflected(NamedTuple):
 
 
 class Finishes(NamedTuple):
-    """Finish of each body: the share of light that it reflects, 0 for a black one, and whether it spreads it."""
+    """Finish of each body: the share of light that it reflects, 0 for a black one, and whether it spreads it.
+
+    ``indices``, ``absorptions`` (1/mm): of clear bodies; 0 for others.
+    """
 
     reflectances: Float[np.ndarray, " b"]
     diffuse: Bool[np.ndarray, " b"]
+    indices: Float[np.ndarray, " b"]
+    absorptions: Float[np.ndarray, " b"]
 
     @staticmethod
     def of(sections: Sequence[HousingSection]) -> "Finishes":
         """The finishes of bodies of a spec."""
-        reflectances = np.array([section.reflectance or 0.0 for section in sections])
-        return Finishes(reflectances, np.array([section.surface == "diffuse" for section in sections]))
+        return Finishes(
+            reflectances=np.array([section.reflectance or 0.0 for section in sections]),
+            diffuse=np.array([section.surface == "diffuse" for section in sections]),
+            indices=np.array([section.refractive_index or 0.0 for section in sections]),
+            absorptions=np.array([section.absorption_per_mm or 0.0 for section in sections]),
+        )
+
+    @property
+    def clear(self) -> Bool[np.ndarray, " b"]:
+        """True for clear bodies."""
+        return self.indices > 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Housing:
-    """The opaque bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
+    """The bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
 
     ``finishes``: of the bodies. ``edges``: the tree of the edges in which they are not flat, ``edge_bodies`` the body
     of each. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at
@@ -142,14 +160,18 @@ class Housing:
 
     @property
     def reflects(self) -> bool:
-        """True if a body reflects light."""
-        return bool(self.finishes.reflectances.any())
+        """True if light goes on from a body."""
+        return bool(self.finishes.reflectances.any() or self.finishes.clear.any())
 
     @property
-    def black(self) -> "Housing":
-        """The bodies as if all were black."""
-        black = np.zeros_like(self.finishes.reflectances)
-        return replace(self, finishes=self.finishes._replace(reflectances=black))
+    def opaque(self) -> "Housing | None":
+        """The bodies without clear ones; None if all are clear."""
+        return _opaque(self) if self.finishes.clear.any() else self
+
+    @property
+    def black(self) -> "Housing | None":
+        """The bodies as if all were black, without clear ones; None if all are clear."""
+        return self.opaque and self.opaque.faded(0.0)
 
     @property
     def reach_mm(self) -> float:
@@ -157,8 +179,14 @@ class Housing:
         return float(lengths(self.place.points(self.tree.corners.reshape(-1, 3))).max())
 
     def faded(self, rim_deg: float) -> "Housing":
-        """The bodies as a search sees them: black, and they dim rays beside their rims."""
-        return replace(self.black, rim=tan(radians(rim_deg)))
+        """Opaque bodies as a search sees them: black, and they dim rays beside their rims."""
+        return replace(self, finishes=Finishes(*map(np.zeros_like, self.finishes)), rim=tan(radians(rim_deg)))
+
+    def lit_from(self, centres_mm: Sequence[Vector], radius_mm: float) -> "Housing":
+        """The bodies for rays that all begin in balls outside of them, by the triangles that light from there can meet
+        first."""
+        centres = self.place.to_local_points(np.array(centres_mm))
+        return replace(self, tree=_lit_tree(self, tuple(map(tuple, centres.tolist())), radius_mm))
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
@@ -179,44 +207,92 @@ class Housing:
         """Shadow on rays from ``points`` (mm) that end after ``reach_mm``; a ray of negative reach is in none."""
         starts = self._local(points, self.place.to_local_points)
         units = self._local(directions, self.place.to_local_directions)
-        distances = np.empty(len(points))
-        numbers = np.empty(len(points), dtype=np.int64)
-
-        def hit(part: slice) -> None:
-            first_hits(starts[part], units[part], self.tree, distances[part], numbers[part])
-
-        in_pieces(hit, len(points), worth=_WORTH_SHARING)
-        met = distances < reach_mm - _AT_END_MM
+        ends = reach_mm - _AT_END_MM
         shadow = Shadow.none_of(len(points))
-        shadow.triangles[met] = numbers[met]
-        shadow.bodies[met] = self.bodies[numbers[met]]
-        shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
-        shadow.weights[met] = 0.0
-        shadow.places[met] = starts[met] + distances[met, None] * units[met]
         if self.rim > 0.0:
-            rows = np.flatnonzero(~met & (reach_mm > 0.0))
-            self._dim(shadow, rows, points[rows], directions[rows], reach_mm[rows] - _AT_END_MM)
+            self._fade(shadow, starts, units, ends)
+        else:
+            distances = np.empty(len(points))
+
+            def cast(part: slice) -> None:
+                first_hits(starts[part], units[part], ends[part], self.tree, distances[part], shadow.triangles[part])
+
+            in_pieces(cast, len(points), worth=_WORTH_SHARING)
+            met = np.flatnonzero(shadow.triangles >= 0)
+            shadow.weights[met] = 0.0
+            shadow.places[met] = starts[met] + distances[met, None] * units[met]
+        met = np.flatnonzero(shadow.triangles >= 0)
+        shadow.bodies[met] = self.bodies[shadow.triangles[met]]
+        shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
+        clear = met[self.finishes.clear[shadow.bodies[met]]]
+        if len(clear):
+            shadow.onward[clear] = self._crossing(shadow, clear, units[clear]).share
         return shadow
 
+    def _fade(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
+        """Fill the ``shadow`` of a search on rays in the frame of the bodies."""
+        lens = np.array(self.place.inverse.origin_mm)
+
+        def cast(part: slice) -> None:
+            rays = starts[part], units[part], ends[part]
+            weights = shadow.weights[part]
+            slopes = shadow.by_points[part], shadow.by_directions[part]
+            any_hits(*rays, self.tree, shadow.triangles[part])
+            weights[shadow.triangles[part] >= 0] = 0.0
+            dim_beside_rims(*rays, lens, self.rim, self.edges, weights, *slopes)
+
+        in_pieces(cast, len(starts), worth=_WORTH_SHARING)
+        if self.place.moves:
+            rows = np.flatnonzero(shadow.weights < 1.0)
+            for slopes in (shadow.by_points, shadow.by_directions):
+                slopes[rows] = self.place.directions(slopes[rows])
+
     def reflected(self, rays: ExitRays, shadow: Shadow) -> Reflected:
-        """Rays from where ``rays`` meet bodies that are not black, by their ``shadow``, with the flux that goes on."""
+        """Rays from where ``rays`` meet bodies that reflect light, or leave clear ones, with the flux that goes on.
+
+        ``shadow``: theirs.
+        """
         rows = np.flatnonzero(shadow.met & (shadow.onward > 0.0))
         coming = self.place.to_local_directions(rays.directions[rows])
-        normals = towards_light(self._normals[shadow.triangles[rows]], coming)
+        normals = towards_light(self.normals[shadow.triangles[rows]], coming)
         going = mirrored(coming, normals)
         spread = np.flatnonzero(self.finishes.diffuse[shadow.bodies[rows]])
         if len(spread):
             assert rays.draws is not None, "the media know of diffuse walls"
             going[spread] = diffused(coming[spread], normals[spread], rays.draws[rows[spread]])
         starts = shadow.places[rows] + _OFF_WALL_MM * normals
+        clear = np.flatnonzero(self.finishes.clear[shadow.bodies[rows]])
+        if len(clear):
+            starts[clear], going[clear], _ = self._crossing(shadow, rows[clear], coming[clear])
         flux = shadow.onward[rows] * rays.flux[rows]
         ways = self.place.points(starts), self.place.directions(going)
         return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows]))
 
+    def _crossing(self, shadow: Shadow, rows: Int[np.ndarray, " k"], coming: _Vectors) -> Crossing:
+        """Light behind the clear bodies that the rays ``rows`` of a ``shadow`` meet, in the frame of the bodies.
+
+        One that meets another body within, as where bodies overlap, does not leave.
+        """
+        bodies = shadow.bodies[rows]
+        index = self.finishes.indices[bodies]
+        inwards = -towards_light(self.normals[shadow.triangles[rows]], coming)
+        within, fields = refracted(coming, unpolarised_fields(coming), inwards, 1.0 / index)
+        starts = shadow.places[rows] + _OFF_WALL_MM * inwards
+        lengths_mm = np.empty(len(rows))
+        numbers = np.empty(len(rows), dtype=np.int64)
+        first_hits(starts, within, np.full(len(rows), np.inf), self.tree, lengths_mm, numbers)
+        leaves = (numbers >= 0) & (self.bodies[numbers] == bodies)
+        lengths_mm = np.where(leaves, lengths_mm, 0.0)
+        outwards = -towards_light(self.normals[numbers], within)
+        going, fields = refracted(within, fields, outwards, index)
+        share = 0.5 * (fields**2).sum(axis=(1, 2)) * np.exp(-self.finishes.absorptions[bodies] * lengths_mm)
+        places = starts + lengths_mm[:, None] * within + _OFF_WALL_MM * outwards
+        return Crossing(places, going, share * leaves)
+
     @cached_property
-    def _normals(self) -> _Vectors:
+    def normals(self) -> _Vectors:
         """Unit normal of each triangle, in the order of their numbers."""
-        normals = np.empty((len(self.tree.numbers), 3))
+        normals = np.zeros((len(self.bodies), 3))
         first, second, third = np.moveaxis(self.tree.corners, 1, 0)
         normals[self.tree.numbers] = np.cross(second - first, third - first)
         return np.asarray(normals / np.maximum(lengths(normals), np.finfo(float).tiny)[:, None])
@@ -224,37 +300,6 @@ class Housing:
     def _local(self, vectors: _Vectors, move: Callable[[_Vectors], _Vectors]) -> _Vectors:
         """Vectors in the frame of the bodies, in the order that kernels take."""
         return np.ascontiguousarray(move(vectors) if self.place.moves else vectors)
-
-    def _dim(
-        self, shadow: Shadow, rows: Int[np.ndarray, " k"], points: _Vectors, directions: _Vectors, reach_mm: _Values
-    ) -> None:
-        """Dim the rays ``rows`` beside rims."""
-        begin = (points * directions).sum(axis=1)
-        spans = np.stack([begin, begin + reach_mm], axis=1)
-        feet = self._local(points - begin[:, None] * directions, self.place.to_local_points)
-        units = self._local(directions, self.place.to_local_directions)
-        tangents = np.empty(len(rows))
-        rims = np.zeros((len(rows), 3))
-
-        def pass_by(part: slice) -> None:
-            nearest_rims(feet[part], units[part], spans[part], self.rim, self.edges, tangents[part], rims[part])
-
-        in_pieces(pass_by, len(rows), worth=_WORTH_SHARING)
-        close = np.flatnonzero(tangents < self.rim)
-        tangent = tangents[close, None]
-        place = self.place.points(rims[close])
-        direction = directions[close]
-        along = (place * direction).sum(axis=1)[:, None]
-        aside = place - points[close]
-        ahead = (aside * direction).sum(axis=1)[:, None]
-        aside -= ahead * direction
-        aside /= np.maximum(lengths(aside), np.finfo(float).tiny)[:, None]
-        x = tangent / self.rim
-        slope = 6.0 * x * (1.0 - x) / (self.rim * along)
-        numbers = rows[close]
-        shadow.weights[numbers] = (x * x * (3.0 - 2.0 * x))[:, 0]
-        shadow.by_points[numbers] = -slope * aside
-        shadow.by_directions[numbers] = -slope * (ahead * aside + tangent * place)
 
 
 def _rounded(points: Float[np.ndarray, "n k"]) -> set[tuple[float, ...]]:
@@ -271,3 +316,34 @@ def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...]) -
     edge_bodies = np.repeat(np.arange(len(meshes)), [len(edges) for edges in rims])
     trees = tree_of(corners), tree_of(np.concatenate(rims))
     return Housing(names, *trees, bodies, edge_bodies, Finishes.of(sections))
+
+
+@lru_cache(maxsize=8)
+def _opaque(housing: Housing) -> Housing | None:
+    """The housing without the triangles and edges of clear bodies."""
+    clear = housing.finishes.clear
+    if clear.all():
+        return None
+    tree, edges = (
+        _some_of(tree, ~clear[bodies[tree.numbers]])
+        for tree, bodies in ((housing.tree, housing.bodies), (housing.edges, housing.edge_bodies))
+    )
+    return replace(housing, tree=tree, edges=edges)
+
+
+@lru_cache(maxsize=8)
+def _lit_tree(housing: Housing, centres_mm: tuple[Vector, ...], radius_mm: float) -> TriangleTree:
+    """The tree without triangles whose back faces all of the balls: light that meets one has met another before."""
+    tree = housing.tree
+    normals = housing.normals[tree.numbers]
+    heights = np.array(centres_mm) @ normals.T - (tree.corners[:, 0] * normals).sum(axis=1)
+    return _some_of(tree, heights.max(axis=0) > -radius_mm)
+
+
+def _some_of(tree: TriangleTree, kept: Bool[np.ndarray, " t"]) -> TriangleTree:
+    """The tree of some triangles or edges, with the numbers that they had; the same tree if none are ``kept``."""
+    rows = np.flatnonzero(kept)
+    if len(rows) in (0, len(kept)):
+        return tree
+    some = tree_of(tree.corners[rows])
+    return some._replace(numbers=tree.numbers[rows][some.numbers])

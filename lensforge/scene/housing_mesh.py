@@ -14,9 +14,10 @@ from lensforge.surfaces.solid_file import ANGLE_RAD, SolidMesh, merged, read_sol
 
 _CHORD_MM = 5e-3  # of the facets of a cylinder, whose edges lie on it
 _FEWEST = 24  # facets around a cylinder
-_MOST = 1440  # around a mirror: its facets turn light by up to a quarter of a degree
+_MOST = 1440  # around a mirror or a clear body: its facets turn light by up to a quarter of a degree
 _WALL_MM = 1.0  # thickness of the sides of a room, which overlap in its corners
-_OF_MIRROR_RAD = 0.01  # between facets of a mirror in a STEP file, which turn light by up to as much
+_TURNS_LIGHT = ("mirror", "clear")  # surfaces whose normals count
+_OF_MIRROR_RAD = 0.01  # between their facets in a STEP file, which turn light by up to as much
 
 
 def contents_of(sections: Sequence[HousingSection]) -> tuple[str, ...]:
@@ -88,14 +89,14 @@ def _(section: HousingCylinder) -> SolidMesh:
         (section.bore_radius_mm, half),
     ]
     share = min(_CHORD_MM / section.radius_mm, 1.0)
-    fewest = _MOST if section.surface == "mirror" else _FEWEST
+    fewest = _MOST if section.surface in _TURNS_LIGHT else _FEWEST
     sides = min(max(pi / acos(1.0 - share), fewest), _MOST)
     return _turned(np.array(profile), 8 * ceil(sides / 8))  # with the mirrors of a square
 
 
 @mesh_of.register
 def _(section: HousingFile) -> SolidMesh:
-    return read_solid(section.file, _OF_MIRROR_RAD if section.surface == "mirror" else ANGLE_RAD)
+    return read_solid(section.file, _OF_MIRROR_RAD if section.surface in _TURNS_LIGHT else ANGLE_RAD)
 
 
 def _turned(profile: Float[np.ndarray, "k 2"], sides: int) -> SolidMesh:

@@ -11,13 +11,14 @@ from lensforge.scene.housing import Housing
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.spec import Spec
 from lensforge.spec.housing_sections import HousingFile, HousingSection, bodies_of
-from lensforge.surfaces.placed_bodies import depths
+from lensforge.surfaces.placed_bodies import depths, reach_mm
 from lensforge.surfaces.solid_file import SolidMesh
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _AROUND = 128  # facets of the largest lens
 _EXITS = 64  # places of the largest lens from which a place may be lit
 _TOUCHES_MM3 = 1e-6  # that is rounding: a lens may stand in the very surface of a ceiling
+_ON_ITS_WAY = 1.2  # of the size that the constraints allow
 _WIDE = 40.0  # widths of the largest lens: as wide as that a body from a file may be in inches
 
 
@@ -41,6 +42,11 @@ def require_room(spec: Spec) -> None:
                         f"scene: {section.name!r} reaches into body {optic.name!r}, at {_place(vertices[inside[0]])} "
                         "mm; bodies of the scene stand behind the last optic, move it away"
                     )
+
+
+def exit_radius_mm(spec: Spec) -> float:
+    """Radius (mm) of a ball about each lamp in which its light leaves the last optic, of a lens on its way, too."""
+    return _ON_ITS_WAY * max(spec.lens.extent_mm(spec.constraints), reach_mm(spec.media.bodies))
 
 
 @lru_cache(maxsize=64)

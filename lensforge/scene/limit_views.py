@@ -2,6 +2,7 @@
 
 from lensforge.scene.body_view import LitBody, body_pictures, body_views
 from lensforge.scene.eye_view import EyeView, eye_views
+from lensforge.scene.housing_room import exit_radius_mm
 from lensforge.spec import Spec
 
 LimitView = EyeView | LitBody
@@ -14,6 +15,5 @@ def limit_views(spec: Spec, *, coarse: bool = False) -> tuple[LimitView, ...]:
 
 def searched_views(spec: Spec) -> tuple[LimitView, ...]:
     """Views as a search needs them, whose light has a gradient."""
-    eyes = (view.searched(spec.optimise.rim_deg) for view in eye_views(spec, searched=True))
-    bodies = (view.searched(spec.optimise.rim_deg) for view in body_pictures(spec))
-    return (*eyes, *bodies)
+    views: tuple[LimitView, ...] = (*eye_views(spec, searched=True), *body_pictures(spec))
+    return tuple(view.searched(spec.optimise.rim_deg, exit_radius_mm(spec)) for view in views)

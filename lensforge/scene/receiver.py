@@ -33,6 +33,7 @@ class Landings:
     ``hits``: coordinates on the receiver's chart; ``flux``: W; both 0 where a ray did not land. ``landed``: rays that
     reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
     ``shadow``: of the bodies before it, in NumPy; None without any. A ray that they reflect lands from there.
+    ``paths_mm``: lengths of the ways there, in NumPy, where the receiver's kernel tells them.
     """
 
     hits: Float[Array, "n 2"]
@@ -40,6 +41,7 @@ class Landings:
     landed: Bool[Array, " n"]
     missed_receiver: Bool[Array, " n"]
     shadow: Shadow | None = None
+    paths_mm: Float[np.ndarray, " n"] | None = None
 
     @property
     def arrived(self) -> Bool[Array, " n"]:
@@ -63,7 +65,7 @@ class PosedReceiver(ABC):
 
     Subclasses say in arrays where rays land, and may name a pair of kernels that do the same, many times as quickly.
     ``lamps``: those whose light it sees. Rays land from one at the origin; its pictures hold the mean flux of a lamp on
-    each pixel. ``housing``: opaque bodies before it; None without any.
+    each pixel. ``housing``: bodies before it; None without any.
     """
 
     pose: Pose
@@ -113,19 +115,25 @@ class PosedReceiver(ABC):
         shadow = landings.shadow
         assert shadow is not None, "behind bodies"
         by, of_flux = self._adjoint(rays, by_hits, by_flux * shadow.weights)
-        weights = np.where(shadow.weights > 0.0, shadow.weights, 1.0)  # what is dark has no slope
-        by_weight = (by_flux * landings.flux / weights)[:, None]
-        by_points = by.by_points + by_weight * shadow.by_points
-        return Sensitivities(by_points, by.by_directions + by_weight * shadow.by_directions), of_flux
+        rows = np.flatnonzero((shadow.weights > 0.0) & (shadow.weights < 1.0))  # what is dark has no slope
+        by_weight = (by_flux[rows] * landings.flux[rows] / shadow.weights[rows])[:, None]
+        by.by_points[rows] += by_weight * shadow.by_points[rows]
+        by.by_directions[rows] += by_weight * shadow.by_directions[rows]
+        return by, of_flux
 
     @property
     def before_black(self) -> Self:
         """The receiver before bodies that are all black."""
         return self if self.housing is None else replace(self, housing=self.housing.black)
 
-    def searched(self, rim_deg: float) -> Self:
-        """The receiver of a search, in which bodies are black, and shadows fade out over an angle."""
-        return self if self.housing is None else replace(self, housing=self.housing.faded(rim_deg))
+    def searched(self, rim_deg: float, lens_mm: float) -> Self:
+        """The receiver of a search, in which bodies are black, or air, and shadows fade out over an angle.
+
+        ``lens_mm``: radius of the ball about each lamp from which light comes.
+        """
+        opaque = self.housing and self.housing.opaque
+        lamps = [lamp.place_mm for lamp in self.lamps.lamps]
+        return replace(self, housing=opaque and opaque.lit_from(lamps, lens_mm).faded(rim_deg))
 
     def _in_shadow(self, rays: ExitRays, landings: Landings) -> Landings:
         """``landings`` without ``rays`` that meet a body before; in a search these land, too, without flux."""
@@ -165,6 +173,8 @@ class PosedReceiver(ABC):
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings
     ) -> Float[np.ndarray, " n"]:
         """Path (mm) of each ray to the surface; infinite where it never gets there."""
+        if landings.paths_mm is not None:
+            return np.where(as_numpy(landings.landed), landings.paths_mm, inf)
         reach_mm = np.full(len(points), inf)
         if not self.is_far:
             landed = as_numpy(landings.landed)
@@ -181,16 +191,18 @@ class PosedReceiver(ABC):
         directions = rays.directions
         left = rays.left_lens
         hits = np.empty((len(left), 2))
+        paths_mm = np.empty(len(left))
         reached = np.empty(len(left), dtype=bool)
         frame = self.pose.frame
 
         def work(part: slice) -> None:
-            landing(points[part], directions[part], frame, self.radius_mm, hits[part], reached[part])
+            ends = hits[part], paths_mm[part], reached[part]
+            landing(points[part], directions[part], frame, self.radius_mm, *ends)
             reached[part] &= left[part]  # rays that were lost have no direction
             hits[part][~reached[part]] = 0.0
 
         in_pieces(work, len(left), worth=_WORTH_SHARING)
-        return Landings(hits, np.where(reached, rays.flux, 0.0), reached, left & ~reached)
+        return Landings(hits, np.where(reached, rays.flux, 0.0), reached, left & ~reached, paths_mm=paths_mm)
 
     def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
         """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""

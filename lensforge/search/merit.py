@@ -18,6 +18,7 @@ from torch import Tensor
 from lensforge.light.judged_limits import limit_value
 from lensforge.light.table_trace import Scene
 from lensforge.optics.fundamental_limits import transmittance_of
+from lensforge.scene.housing_room import exit_radius_mm
 from lensforge.scene.limit_readings import LightLimit, light_limits
 from lensforge.scene.limit_views import searched_views
 from lensforge.scene.made_part import at_work
@@ -221,7 +222,8 @@ class MeritFunction(Merit[SampledLight]):
         kernels trace a double-freeform lens in single precision.
         """
         receivers = tuple(
-            receiver.searched(spec.optimise.rim_deg) for receiver in receivers_of(spec, spec.optimise.pixels)
+            receiver.searched(spec.optimise.rim_deg, exit_radius_mm(spec))
+            for receiver in receivers_of(spec, spec.optimise.pixels)
         )
         sections = spec.all_receivers
         fresnel = spec.optimise.fresnel

@@ -327,13 +327,14 @@ class SceneCheck:
                 )
 
     def _walls(self) -> Iterator[str]:
-        """A line if bodies of the scene reflect light, which the search does not follow."""
-        walls = [repr(body.name) for body in self.spec.scene if body.surface != "black"]
-        if walls:
-            yield (
-                f"scene: the search takes {', '.join(walls)} for black; evaluation and proof count what is reflected "
-                "there"
-            )
+        """Lines if light goes on from bodies of the scene, which the search does not follow."""
+        for taken_for, surfaces, light in (
+            ("black", ("diffuse", "mirror"), "what is reflected there"),
+            ("air", ("clear",), "what they refract and lose"),
+        ):
+            names = [repr(body.name) for body in self.spec.scene if body.surface in surfaces]
+            if names:
+                yield f"scene: the search takes {', '.join(names)} for {taken_for}; evaluation and proof count {light}"
 
     def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""

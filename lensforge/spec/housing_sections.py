@@ -1,4 +1,4 @@
-"""The ``[[scene]]`` of a spec: opaque bodies in the light behind the lens, such as a bezel, a mirror ring or a room.
+"""The ``[[scene]]`` of a spec: bodies in the light behind the lens, such as a bezel, a mirror ring, a cover or a room.
 
 A kind of body is a class that extends :class:`HousingSection`: it registers itself. Its shape is a function of
 ``scene.housing_mesh.mesh_of`` for the class of its ``bodies``, by default its own.
@@ -23,17 +23,18 @@ from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Milli
 
 MOST_BODIES = 32
 
-Finish = Literal["black", "diffuse", "mirror"]
+Finish = Literal["black", "diffuse", "mirror", "clear"]
+_OF_CLEAR = ("refractive_index", "absorption_per_mm")
 _Reflectance = Annotated[float, Field(ge=0.0, le=1.0)] | None
 
 
 @public
 class HousingSection(OfSeveralKinds, Section):
-    """Fields of every opaque body in the light behind the lens. A black one takes all light that meets it.
+    """Fields of every body in the light behind the lens. A black one takes all light that meets it.
 
-    Others reflect light once: what then meets another body, or the same again, is lost. A body stands in the
-    coordinates of the lens, or of all lamps, as receivers do; those behind it are in its shadow. The search knows it,
-    and takes it for black. No body may reach into the room of the lens.
+    Others reflect light once, or let it through once: what then meets another body, or the same again, is lost. A body
+    stands in the coordinates of the lens, or of all lamps, as receivers do; those behind it are in its shadow. The
+    search knows it, and takes it for black, but a clear one for air. No body may reach into the room of the lens.
     """
 
     encloses: ClassVar[bool] = False  # all light: no far field and no eye looks at it from outside
@@ -52,12 +53,19 @@ class HousingSection(OfSeveralKinds, Section):
     surface: Finish = Field(
         default="black",
         description='Its surface. "black": takes all light. "diffuse": reflects it into all directions by the law of '
-        'Lambert. "mirror": reflects it as a mirror. The search takes all bodies for black.',
+        'Lambert. "mirror": reflects it as a mirror. "clear": refracts it, in and out again. The search takes clear '
+        "bodies for air, and all others for black.",
     )
     reflectance: _Reflectance = Field(
         default=None,
         description="Share of the light that a diffuse surface or a mirror reflects, of a room its walls; it takes the "
         "rest.",
+    )
+    refractive_index: Annotated[float, Field(gt=1.0, le=4.0)] | None = Field(
+        default=None, description="Index of a clear body, over that of what surrounds it, at all wavelengths."
+    )
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] | None = Field(
+        default=None, description="Absorption of a clear body (Beer and Lambert); by default none."
     )
     patch_mm: Millimetres | None = Field(
         default=None,
@@ -66,13 +74,29 @@ class HousingSection(OfSeveralKinds, Section):
 
     @check
     def _reflectance_fits(self) -> None:
+        if self.surface == "clear" and self.reflectance is not None:
+            raise ValueError(
+                f"reflectance = {self.reflectance:g}: a clear surface reflects by its refractive_index; leave it out"
+            )
         if self.surface == "black" and self.reflectance is not None:
             raise ValueError(
                 f"reflectance = {self.reflectance:g}: a black surface reflects no light; give surface = "
                 '"diffuse" or "mirror", or leave it out'
             )
-        if self.surface != "black" and self.reflectance is None:
+        if self.surface in ("diffuse", "mirror") and self.reflectance is None:
             raise ValueError(f'surface = "{self.surface}": give its reflectance, the share of light that it reflects')
+
+    @check
+    def _material_fits(self) -> None:
+        if self.surface == "clear":
+            if self.refractive_index is None:
+                raise ValueError('surface = "clear": give its refractive_index')
+            if self.patch_mm is not None:
+                raise ValueError("patch_mm: light on a clear body is not measured, as it passes; leave it out")
+            return
+        for name in _OF_CLEAR:
+            if (given := getattr(self, name)) is not None:
+                raise ValueError(f'{name} = {given:g}: of a clear body only; give surface = "clear", or leave it out')
 
     @check
     def _lights_no_patch_of_its_own(self) -> None:
@@ -86,12 +110,10 @@ class HousingSection(OfSeveralKinds, Section):
 
     @model_serializer(mode="wrap")
     def _as_before_reflections(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """The section without the surface of a black body: specs of such bodies keep the hash that they had before."""
-        return {
-            name: value
-            for name, value in write(self).items()
-            if self.surface != "black" or name not in ("surface", "reflectance")
-        }
+        """The section without what its surface has not: specs of such bodies keep the hash that they had before."""
+        without = {"clear": ("reflectance",), "black": ("surface", "reflectance", *_OF_CLEAR)}
+        left_out = without.get(self.surface, _OF_CLEAR)
+        return {name: value for name, value in write(self).items() if name not in left_out}
 
     @property
     def bodies(self) -> "tuple[HousingSection, ...]":
@@ -208,6 +230,11 @@ class HousingRoom(HousingSection):
     )
 
     @check
+    def _has_walls(self) -> None:
+        if self.surface == "clear":
+            raise ValueError('surface = "clear": a room has walls; give "diffuse", "mirror" or "black"')
+
+    @check
     def _black_sides_reflect_nothing(self) -> None:
         for name in ("floor_reflectance", "ceiling_reflectance"):
             if self.surface == "black" and (given := getattr(self, name)) is not None:
@@ -255,9 +282,9 @@ def bodies_of(scene: Sequence[HousingSection], *, from_afar: bool = False) -> tu
 
 
 def reflection_of(bodies: Sequence[HousingSection]) -> Reflection | None:
-    """Reflection at ``bodies``: "diffuse" if any is, else "mirror" if any is one; None if all are black."""
+    """How ``bodies`` turn light: "diffuse" if any is, else as a "mirror" and clear bodies do; None if all are black."""
     surfaces = {body.surface for body in bodies}
-    return "diffuse" if "diffuse" in surfaces else "mirror" if "mirror" in surfaces else None
+    return "diffuse" if "diffuse" in surfaces else "mirror" if surfaces & {"mirror", "clear"} else None
 
 
 def require_scene(bodies: Sequence[HousingSection], lens: LensShape, lamps: Lamps) -> None:

@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from lensforge.kernels.triangle_tree import first_hits, nearest_rims, tree_of
+from lensforge.kernels.rims import dim_beside_rims
+from lensforge.kernels.triangle_tree import any_hits, first_hits, tree_of
 
 FAR = 1e9
 
@@ -28,7 +29,7 @@ def rays(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return 15.0 * rng.normal(size=(count, 3)), directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("count", [1, 4, 5, 9, 33, 200])
+@pytest.mark.parametrize("count", [1, 8, 9, 33, 200, 700])
 def test_the_first_hit_is_that_of_all_triangles(count: int) -> None:
     """By the planes of the triangles and the barycentric coordinates of the places there."""
     corners = soup(count, count)
@@ -41,56 +42,64 @@ def test_the_first_hit_is_that_of_all_triangles(count: int) -> None:
         places = points[:, None] + distances[:, :, None] * directions[:, None]
         shares = [(np.cross(q - p, places - p) * normals).sum(axis=2) / area for p, q in ((a, b), (b, c), (c, a))]
         inside = (np.min(shares, axis=0) >= 0.0) & (distances > 0.0) & (area > 0.0)
-    every = np.where(inside, distances, np.inf)
+    ends = np.resize([np.inf, 20.0, 5.0, 0.0, -np.inf], len(points))
+    every = np.where(inside & (distances < ends[:, None]), distances, np.inf)
+    tree = tree_of(corners)
     lengths = np.empty(len(points))
-    numbers = np.empty(len(points), dtype=np.int64)
-    first_hits(points, directions, tree_of(corners), lengths, numbers)
-    assert lengths == pytest.approx(every.min(axis=1), rel=1e-9)
-    hit = np.isfinite(lengths)
-    assert (numbers[~hit] == -1).all() and (every[hit, numbers[hit]] == pytest.approx(lengths[hit]))
+    numbers, some = np.empty((2, len(points)), dtype=np.int64)
+    first_hits(points, directions, ends, tree, lengths, numbers)
+    any_hits(points, directions, ends, tree, some)
+    hit = np.isfinite(every).any(axis=1)
+    assert ((numbers >= 0) == hit).all() and ((some >= 0) == hit).all()
+    assert lengths[hit] == pytest.approx(every[hit].min(axis=1), rel=1e-9)
+    assert (lengths[~hit] == ends[~hit]).all()
+    assert every[hit, numbers[hit]] == pytest.approx(lengths[hit]) and np.isfinite(every[hit, some[hit]]).all()
     assert count < 30 or 20 < hit.sum() < 690
 
 
+ORIGIN = np.array([1.0, -2.0, 3.0])
+
+
 def beside_edges() -> tuple[np.ndarray, ...]:
-    """Triangles; starts, directions and spans of rays, half of which have no end."""
+    """Triangles; starts and directions of rays, and their ends, of which a third are nowhere and a third before."""
     points, directions = rays(300, 2)
-    spans = np.tile([2.0, 25.0], (len(points), 1))
-    spans[::2, 1] = FAR
-    return soup(24, 3), points, directions, spans
+    return soup(24, 3), points, directions, np.resize([FAR, 25.0, -1.0], len(points))
 
 
 @cache
 def least_tangents() -> np.ndarray:
-    """Least distance from each ray over that along it, of many places of each edge within the span of the ray."""
-    corners, points, directions, spans = beside_edges()
+    """Of many places of each edge, within the way of the ray, seen from the foot of its line before the origin."""
+    corners, points, directions, ends = beside_edges()
+    begin = ((points - ORIGIN) * directions).sum(axis=1, keepdims=True)
+    feet = points - begin * directions
     share = np.linspace(0.0, 1.0, 4001)[:, None]
     least = np.full(len(points), np.inf)
     for start, end in ((corners[:, k], corners[:, (k + 1) % 3]) for k in range(3)):
         for one, other in zip(start, end, strict=True):
-            away = (one + share * (other - one))[None] - points[:, None]
+            away = (one + share * (other - one))[None] - feet[:, None]
             along = (away * directions[:, None]).sum(axis=2)
             aside = np.linalg.norm(away - along[:, :, None] * directions[:, None], axis=2)
-            counts = (along > spans[:, :1]) & (along < spans[:, 1:])
+            counts = (along > np.maximum(begin, 0.0)) & (along < begin + ends[:, None])
             tangents = np.where(counts, aside / np.maximum(along, 1e-9), np.inf)
             least = np.minimum(least, tangents.min(axis=1))
     return least
 
 
-@pytest.mark.parametrize("most", [0.02, 0.3])
-def test_the_nearest_rim_is_that_of_all_edges(most: float) -> None:
-    corners, points, directions, spans = beside_edges()
-    wanted = np.minimum(least_tangents(), most)
-    distances = np.empty(len(points))
-    rims = np.zeros((len(points), 3))
+@pytest.mark.parametrize("rim", [0.02, 0.3])
+def test_the_nearest_rim_is_that_of_all_edges(rim: float) -> None:
+    corners, points, directions, ends = beside_edges()
+    wanted = np.minimum(least_tangents(), rim)
     edges = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])
-    nearest_rims(points, directions, spans, most, tree_of(edges), distances, rims)
-    free = spans[:, 1] == FAR  # at the end of a span an edge may come nearer still, or not at all
-    assert distances[free] == pytest.approx(wanted[free], abs=2e-3 * most)
-    assert 10 < (distances < most).sum() < len(points)
-    close = np.flatnonzero(distances < most)
-    away = rims[close] - points[close]
-    along = (away * directions[close]).sum(axis=1)
-    assert np.linalg.norm(np.cross(away, directions[close]), axis=1) / along == pytest.approx(
-        distances[close], rel=1e-9
-    )
-    assert ((along > 2.0) & (along < spans[close, 1])).all()
+    weights = np.ones(len(points))
+    weights[::7] = 0.0
+    by_points, by_directions = np.zeros((2, len(points), 3))
+    dim_beside_rims(points, directions, ends, ORIGIN, rim, tree_of(edges), weights, by_points, by_directions)
+    x = wanted / rim
+    lit = np.arange(len(points)) % 7 > 0
+    free = (ends == FAR) & lit  # at the end of a ray an edge may come nearer, or not at all
+    assert weights[free] == pytest.approx((x * x * (3.0 - 2.0 * x))[free], abs=3e-3)
+    assert not weights[::7].any() and (weights[(ends < 0.0) & lit] == 1.0).all()
+    dimmed = (weights > 0.0) & (weights < 1.0)
+    assert 5 < dimmed[free].sum() < free.sum()
+    for slopes in (by_points, by_directions):
+        assert slopes[dimmed].any(axis=1).all() and not slopes[~dimmed].any()

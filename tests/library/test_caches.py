@@ -112,6 +112,16 @@ def wall_hits(thick: float, high: float, folder: Path) -> list[float]:
     return corners
 
 
+def lit_hits(height_mm: float, place_mm: tuple[float, float, float], radius_mm: float) -> list[list[float]]:
+    """Corners of the sides of a box that light from a ball can meet."""
+    from lensforge.spec.housing_sections import HousingBox
+
+    housing = Housing.of([HousingBox(name="wall", size_mm=(9.0, 9.0, height_mm), centre_mm=(0.0, 0.0, 30.0))])
+    assert housing is not None
+    corners: list[list[float]] = np.sort(housing.lit_from([place_mm], radius_mm).tree.corners.reshape(-1, 9)).tolist()
+    return corners
+
+
 def wall_patches(thick: float, patch_mm: float, folder: Path) -> list[float]:
     """Areas of the patches of a wall of a file, whose name stays the same."""
     import trimesh
@@ -147,6 +157,10 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "scene.body_patches._patches": (
         wall_patches, [(2.0, 3.0, Path()), (3.0, 3.0, Path()), (2.0, 1.5, Path())]),
     "scene.housing._housing": (wall_hits, [(2.0, 30.0, Path()), (3.0, 30.0, Path()), (2.0, 35.0, Path())]),
+    "scene.housing._lit_tree": (
+        lit_hits,
+        [(2.0, (0.0, 0.0, 0.0), 3.0), (3.0, (0.0, 0.0, 0.0), 3.0), (2.0, (0.0, 0.0, 60.0), 3.0),
+         (2.0, (0.0, 0.0, 0.0), 6.0)]),
     "scene.made_part._noise": (_noise, [(9, 2), (10, 2), (9, 3)]),
     "scene.lamp_pictures._pictures": (
         lambda design: [raster.receiver.pose.origin_mm for raster in _pictures(design).rasters],

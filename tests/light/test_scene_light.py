@@ -44,6 +44,7 @@ POST = {
 LIMIT = {"kind": "blocked", "at_most_share": 0.1}
 MIRROR = {"surface": "mirror", "reflectance": 0.85}
 WHITE = {"surface": "diffuse", "reflectance": 0.7}
+GLASSY = {"surface": "clear", "refractive_index": 1.47, "absorption_per_mm": 0.01}
 # Around the lens, from below its top, so that much light meets the bore.
 RING = {
     "kind": "cylinder", "name": "ring", "radius_mm": 40.0, "bore_radius_mm": 17.0, "length_mm": 30.0,
@@ -148,7 +149,9 @@ def test_the_far_field_and_the_evaluation_block_the_same() -> None:
 LAMPS = {"kind": "table", "places_mm": [[-20.0, 3.0], [18.0, -2.0, 5.0]], "turns_deg": [30.0, 200.0]}
 
 
-@pytest.mark.parametrize("surfaces", [({}, {}), (WHITE, MIRROR)], ids=["black", "white and mirror"])
+@pytest.mark.parametrize(
+    "surfaces", [({}, {}), (WHITE, MIRROR), (GLASSY, MIRROR)], ids=["black", "white and mirror", "clear and mirror"]
+)
 @pytest.mark.parametrize("lamps", [None, LAMPS], ids=["one lamp", "the second of two lamps"])
 def test_the_proof_has_the_shadows_of_the_design(
     lamps: dict[str, Any] | None, surfaces: tuple[dict[str, Any], dict[str, Any]]
@@ -352,8 +355,8 @@ def test_the_error_of_the_tables_is_that_before_black_bodies() -> None:
     assert abs(errors[0].design.efficiency.value) > 0.0
 
 
-@pytest.mark.parametrize("surface", [MIRROR, WHITE], ids=["mirror", "white"])
-def test_a_yield_has_the_light_that_a_ring_reflects(surface: dict[str, Any]) -> None:
+@pytest.mark.parametrize("surface", [MIRROR, WHITE, GLASSY], ids=["mirror", "white", "clear"])
+def test_a_yield_has_the_light_that_goes_on_from_a_ring(surface: dict[str, Any]) -> None:
     lens = lens_of(small_spec(scene=[RING | surface], limits=[LIMIT], tolerances={"lens_shift_mm": 0.01}))
     spread = measure_yield(lens, parts=4, rays=2**12, with_budget=False).metrics
     light = lf.evaluate(lens, rays=2**14)
@@ -369,6 +372,11 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"scene": [{**BEZEL, "bore_radius_mm": 70.0}]}, "bore_radius_mm = 70: must be less than radius_mm = 70"),
     ({"scene": [BEZEL], "lamps": {"kind": "endless", "pitch_mm": 60.0}}, "an endless lattice of lamps would need"),
     ({"scene": [BEZEL], "lens__cover_glass": GLASS}, "leave out the glass"),
+    ({"scene": [BEZEL | {"surface": "clear"}]}, 'surface = "clear": give its refractive_index'),
+    ({"scene": [BEZEL | {"refractive_index": 1.5}]}, "refractive_index = 1.5: of a clear body only"),
+    ({"scene": [BEZEL | GLASSY | {"reflectance": 0.5}]}, "a clear surface reflects by its refractive_index"),
+    ({"scene": [BEZEL | GLASSY | {"patch_mm": 5.0}]}, "light on a clear body is not measured"),
+    ({"scene": [{"kind": "room", "name": "room", "size_mm": [900.0] * 3} | GLASSY]}, "a room has walls"),
     ({"limits": [LIMIT]}, "limits.0.cause = 'housing': of this scene it is one of beside"),
 ]  # fmt: skip
 
@@ -384,3 +392,74 @@ def test_a_spec_without_a_scene_keeps_its_hash() -> None:
     content = small_spec().model_dump()
     assert "scene" not in content and "rim_deg" not in content["optimise"]
     assert "scene" in small_spec(scene=[BEZEL]).model_dump()
+
+
+# A tilted plate of plastic over the lens, from beside whose rim some light passes.
+COVER = {
+    "kind": "box", "name": "cover", "size_mm": [60.0, 44.0, 5.0], "centre_mm": [5.0, -4.0, 32.0],
+    "tilt_deg": [9.0, -14.0], "rotate_z_deg": 25.0, "surface": "clear", "refractive_index": 1.59,
+    "absorption_per_mm": 0.004,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lamps", [None, LAMPS], ids=["one lamp", "two lamps"])
+def test_a_clear_body_passes_what_it_does_not_take(lamps: dict[str, Any] | None) -> None:
+    """Fates sum to 1; light by way of it is in the window, its loss is that of two faces and of the way within."""
+    without = light_of(lamps=lamps)[0].receivers[0]
+    shelf = {"kind": "box", "name": "shelf", "size_mm": [60.0, 300.0, 2.0], "centre_mm": [55.0, 0.0, 60.0]}
+    light, lens = light_of(COVER, shelf, lamps=lamps, limits=[LIMIT])
+    (lit,) = light.receivers
+    assert sum(lit.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+    by_name = {blocked.name: blocked for blocked in lit.blocked}
+    cover, opaque = (by_name[name] for name in ("cover", "shelf"))
+    assert lit.flux.housing == pytest.approx(cover.share.value + opaque.share.value)
+    assert lit.flux.second_wall > 1e-3, "behind the cover the shelf ends light, too"
+    assert cover.passed is not None and cover.trapped is not None and cover.returned is None
+    assert opaque.passed is None and opaque.trapped is None
+    assert 0.05 < cover.passed.value < lit.efficiency.value and (cover.passed.standard_error or 0.0) > 0.0
+    assert 0.0 < cover.trapped.value < cover.share.value
+    assert without.efficiency.value > lit.efficiency.value
+    (blocked,) = light.limits
+    assert blocked.value == pytest.approx(lit.flux.housing + lit.flux.second_wall)
+    told = {fact.label: fact for group in light_facts(light, lens) for fact in group.facts}
+    passed = told["Light through a clear body"]
+    assert passed.value == pytest.approx(100.0 * cover.passed.value)
+    assert passed.note == "in the window, through cover; the search takes it for air"
+    far = lf.photometry(lens, rays=2**14).lost_w
+    emitted_w = searched_source(lens.spec).flux_w * len(lens.spec.all_lamps)
+    assert far.housing / emitted_w == pytest.approx(lit.flux.housing, abs=0.01)
+
+
+def test_a_large_plate_takes_what_its_faces_and_its_way_take() -> None:
+    """Of light that goes up by little: 1 - T² and the absorption, by the angles of the rays that leave the lens."""
+    plate = COVER | {"size_mm": [4000.0, 4000.0, 5.0], "centre_mm": [0.0, 0.0, 60.0]}
+    lens = lens_of(small_spec(scene=[plate]))
+    exits = TracedLens.of(lens, 3.0).trace(searched_source(lens.spec).sample(2**13, 3))
+    housing = Housing.of(lens.spec.scene)
+    assert housing is not None
+    shadow = housing.shadow(exits.points, exits.directions, np.where(exits.left_lens, np.inf, -np.inf))
+    normal = np.array(lens.spec.scene[0].pose.axis)
+    cosine = np.abs(exits.directions @ normal)
+    deep = shadow.met & (cosine > 0.05)
+    c = cosine[deep]
+    within = np.sqrt(1.0 - (1.0 - c**2) / 1.59**2)
+    faces = [1.0 - ((a - b) / (a + b)) ** 2 for a, b in ((c, 1.59 * within), (1.59 * c, within))]
+    wanted = 0.5 * (faces[0] ** 2 + faces[1] ** 2) * np.exp(-0.004 * 5.0 / within)
+    assert deep.sum() > 4000 and shadow.onward[deep] == pytest.approx(wanted, rel=1e-5)
+
+
+def test_a_search_and_an_eye_look_through_clear_bodies_as_if_they_were_air() -> None:
+    """To the last bit; nor has the error of the tables light of them."""
+    eye = {"kind": "luminance", "at_most": 1e9, "unit": "cd_per_m2", "eyes_mm": [[140.0, -20.0, 380.0]], "spot_mm": 2.0}
+    source = searched_source(small_spec())
+    pictures = []
+    for scene in ([POST], [COVER, POST], [COVER], []):
+        spec = small_spec(scene=scene, limits=[eye], source__flux_lm=100.0)
+        problem = Problems(spec, source, 3.0, None, False).of((9,))
+        merit = problem.merit
+        assert isinstance(merit, MeritFunction) and isinstance(problem.parametrisation, Parametrisation)
+        tables = problem.parametrisation.tables(*problem.parametrisation.start())
+        pictures.append([image.detach().numpy() for image in merit.light_of(tables, source.sample(2**12, 5)).images])
+    for one, other in ((0, 1), (2, 3)):
+        assert all((first == same).all() for first, same in zip(pictures[one], pictures[other], strict=True))
+    assert any((first != other).any() for first, other in zip(pictures[0], pictures[3], strict=True))

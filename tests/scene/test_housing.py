@@ -169,10 +169,45 @@ def test_shadows_of_a_search_fade_to_those_of_an_evaluation() -> None:
     lost = []
     for rim in (0.02, 0.01, 0.005):
         faded = replace(sharp, rim=rim).shadow(rays.points, rays.directions, reach)
-        assert (faded.bodies == whole.bodies).all() and (faded.weights <= whole.weights).all()
+        assert (faded.met == whole.met).all() and (faded.weights <= whole.weights).all()
         lost.append((whole.weights - faded.weights).sum())
     assert lost[0] > 100.0
     assert np.array(lost) / lost[0] == pytest.approx([1.0, 0.5, 0.25], abs=0.05)
+
+
+def hollow(path: Path) -> Path:
+    """A ball around the lens."""
+    outer, inner = (trimesh.creation.icosphere(radius=radius) for radius in (90.0, 80.0))
+    inner.invert()
+    trimesh.util.concatenate([outer, inner]).export(path)
+    return path
+
+
+@pytest.mark.parametrize("radius_mm", [3.0, 12.0])
+def test_a_search_has_the_shadows_of_all_triangles_by_those_that_light_can_meet_first(
+    radius_mm: float, tmp_path: Path
+) -> None:
+    """For rays from balls about two places, in a frame that moves; of a shell around them, too."""
+    centres = [(4.0, -3.0, 2.0), (-25.0, 6.0, -1.0)]
+    shell = HousingFile(name="shell", file=hollow(tmp_path / "shell.stl"))
+    frame = Pose.of_tilts((1.0, 2.0, -3.0), (5.0, -8.0), 20.0)
+    rng = np.random.default_rng(7)
+    away = rng.normal(size=(4000, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    points = np.resize(centres, (4000, 3)) + radius_mm * rng.random((4000, 1)) * away
+    directions = rng.normal(size=(4000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for bodies, fewest in (((BOX, TUBE), 200), ((BOX, TUBE, shell), 4000)):
+        housing = replace(housing_of(*bodies), rim=0.03).seen_from(frame)
+        lit = housing.lit_from(centres, radius_mm)
+        assert len(lit.tree.corners) < len(housing.tree.corners)
+        reach = np.full(4000, np.inf)
+        every, few = (body.shadow(points, directions, reach) for body in (housing, lit))
+        assert (every.met == few.met).all() and every.met.sum() >= fewest
+        for number, body in enumerate(bodies[:2]):
+            there = housing_of(body).seen_from(frame).shadow(points, directions, reach).met
+            assert there[few.bodies == number].all() and (few.bodies == number).any()
+        assert (every.weights == few.weights).all() and (every.by_directions == few.by_directions).all()
 
 
 def test_weights_have_the_slopes_of_differences() -> None:

@@ -192,7 +192,7 @@ def test_between_two_mirrors_light_ends_at_the_second() -> None:
     assert alone.shadow is not None and alone.shadow.again.tolist() == [False]
     # It meets z = 49 at x = 36.75, and z = -20 at x = 36.75 + 0.75 * 69.
     assert alone.flux.tolist() == [0.8]
-    assert down.places(*alone.hits[0]) == pytest.approx([88.5, 0.0, -20.0], abs=1e-5)
+    assert down.places(*alone.hits[:1].T)[0] == pytest.approx([88.5, 0.0, -20.0], abs=1e-5)
 
 
 def obstacle(section: HousingSection) -> ObstacleBody:
