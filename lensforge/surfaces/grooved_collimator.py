@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -92,14 +92,16 @@ class GroovedCollimator:
     @cached_property
     def crease_rad(self) -> float:
         """Angle from the axis at which cap and side meet."""
-        low = 0.0
-        high = min(0.5 * np.pi, float(np.arccos(1.0 / self.index)) / self.turn) - 1e-6
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            point = self._cap(np.array([middle]))[0]
-            inside = point[0] + np.tan(self.draft_rad) * point[1] < self.cavity_mm
-            low, high = (middle, high) if inside else (low, middle)
-        return low
+        from scipy.optimize import brentq
+
+        def beyond_side(polar_rad: float) -> float:
+            r, z = self._cap_distance(polar_rad) * np.array([np.sin(polar_rad), np.cos(polar_rad)])
+            return float(r + np.tan(self.draft_rad) * z) - self.cavity_mm
+
+        most = min(0.5 * np.pi, float(np.arccos(1.0 / self.index)) / self.turn) - 1e-6
+        if beyond_side(0.0) >= 0.0:
+            return 0.0
+        return float(brentq(beyond_side, 0.0, most, xtol=1e-14)) if beyond_side(most) > 0.0 else most
 
     @cached_property
     def radius_mm(self) -> float:
@@ -182,9 +184,11 @@ class GroovedCollimator:
         return self.height_mm + self.slope * (radii - self.radius_mm)
 
     def _cap(self, polar_rad: _Angles) -> _Meridian:
+        return self._cap_distance(polar_rad)[:, None] * towards(polar_rad)
+
+    def _cap_distance(self, polar_rad: Any) -> Any:
         turns = self.index * np.cos(self.turn * polar_rad) - 1.0
-        distances = self.cap_mm * ((self.index - 1.0) / turns) ** (1.0 / self.turn)
-        return distances[:, None] * towards(polar_rad)
+        return self.cap_mm * ((self.index - 1.0) / turns) ** (1.0 / self.turn)
 
     def _lens(self, polar_rad: _Angles) -> _Meridian:
         """Points of the lens over the cap at which light emitted at these angles leaves: all its paths are as long."""
