@@ -71,7 +71,12 @@ def test_a_line_between_whole_nm_and_at_both_ends_of_sight() -> None:
 def test_light_that_nobody_sees_has_no_colour() -> None:
     assert (tristimulus_at(np.array([300.0, 900.0])) == 0.0).all()
     assert np.isnan(uv_of(np.zeros(3))).all()
-    assert colour_temperature(np.array([0.55, 0.52])) is None
+
+
+@pytest.mark.parametrize("uv", [(0.55, 0.52), (0.1, 0.5), (0.25, 0.4)], ids=["red", "green", "purple"])
+def test_colours_far_from_plancks_locus_have_no_temperature(uv: tuple[float, float]) -> None:
+    """The green and the purple one are 0.07 and more on either side of a place of 9,000 K or more."""
+    assert colour_temperature(np.array(uv)) is None
 
 
 def test_distance_from_a_colour_is_linear_and_nothing_for_that_colour() -> None:

@@ -16,6 +16,7 @@ from nightly import first_by_day
 
 import lensforge as lf
 from lensforge.cli import cli
+from lensforge.cli.streams import _lasting
 from lensforge.errors import InputError
 from lensforge.report.page import write_page
 from lensforge.results.files import replacing, require_writable
@@ -240,6 +241,15 @@ def test_a_reader_of_progress_that_leaves_costs_no_work(examples: Path, tmp_path
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "done\n")
+
+
+def test_a_line_of_stderr_is_in_its_file_at_once(capfd: pytest.CaptureFixture[str]) -> None:
+    """Whoever watches the file sees it, and it is there if the command is killed."""
+    with open(2, "w", closefd=False) as errors:
+        stream, output = _lasting(errors, 2)
+        stream.write("half\n")
+        assert output is not None and not output.isatty()
+        assert capfd.readouterr().err == "half\n"
 
 
 @pytest.mark.nightly("two processes")

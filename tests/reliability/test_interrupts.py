@@ -98,7 +98,7 @@ def test_clean_up_is_not_interrupted_by_the_same_signal_again() -> None:
 def test_clean_up_goes_on_through_errors_of_its_own() -> None:
     """An error that is raised and caught on the way out has the interrupt as its context, not as its cause."""
     seen = [_is_cleaning_up()]
-    for interrupt in (KeyboardInterrupt, ValueError):
+    for interrupt in (KeyboardInterrupt, GeneratorExit, ValueError):
         try:
             raise interrupt
         except interrupt:
@@ -107,7 +107,7 @@ def test_clean_up_goes_on_through_errors_of_its_own() -> None:
                     raise OSError
                 finally:
                     seen.append(_is_cleaning_up())
-    assert seen == [False, True, False]
+    assert seen == [False, True, True, False]
 
 
 def test_a_second_ctrl_c_ends_a_clean_up_that_takes_long() -> None:

@@ -78,6 +78,31 @@ def test_a_long_stage_writes_a_line_a_minute_into_a_pipe(capsys: pytest.CaptureF
     assert len([line for line in capsys.readouterr().err.splitlines() if line.endswith("3 of 40 parts")]) >= 3
 
 
+def test_a_line_in_between_puts_off_the_one_of_a_long_stage(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another stage ends 20 s before the minute is over: the next line is due 40 s later."""
+    clock = StageClock("yield", silent_s=60.0)
+    clock.begin("yield")
+    clock.begin("export", beside=True)
+    waits = list[float]()
+
+    def wait(seconds: float) -> bool:
+        waits.append(seconds)
+        if len(waits) == 1:
+            monkeypatch.setattr("lensforge.cli.progress.time.monotonic", lambda: written + 40.0)
+            clock.end("export")
+        monkeypatch.setattr("lensforge.cli.progress.time.monotonic", lambda: written + sum(waits))
+        return len(waits) == 3
+
+    written = clock._written
+    monkeypatch.setattr("lensforge.cli.progress.time.monotonic", lambda: written)
+    monkeypatch.setattr(clock._exited, "wait", wait)
+    clock._write_until_exit()
+    assert waits == pytest.approx([60.0, 40.0, 60.0])
+    assert [line.split()[0] for line in capsys.readouterr().err.splitlines()] == ["export", "yield"]
+
+
 def test_a_study_says_once_in_a_pipe_how_long_it_takes(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -64,6 +64,7 @@ def test_one_part_of_each_cavity_scatters_about_the_common_face() -> None:
 def test_stated_errors_are_those_of_drawn_series(modes: int) -> None:
     """The truth is a scatter of 1 in each form: a repeatability of the root of their number."""
     drawn = [series(UNEQUAL * 3, seed, modes, 0.5) for seed in range(300)]
+    assert np.mean([parts.modes for parts in drawn]) == pytest.approx(modes, rel=0.01)
     scatter = np.array([parts.repeatability.value for parts in drawn])
     stated = np.array([parts.repeatability.standard_error for parts in drawn])
     assert scatter.mean() == pytest.approx(np.sqrt(modes), rel=0.05)
