@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from filled import filled
 from result_folders import make_check, small_lens
 
 from lensforge.errors import InputError
+from lensforge.results import Fact
 from lensforge.shop.check_facts import check_facts
+from lensforge.shop.check_measures import BallClearance, BoreClearance
 from lensforge.shop.check_result import Check
 
 NAMES = ("cap", "side", "wall", "exit")
@@ -47,10 +50,26 @@ def test_facts_are_of_each_face_and_a_plot_of_the_one_that_is_named() -> None:
         four().plot(surface="inner")
 
 
+def test_the_flat_that_is_advised_marks_the_part() -> None:
+    """Of a base of 30 mm: at 0.95 of its radius."""
+    spec = small_lens().spec
+
+    def mark(**base: float) -> Fact:
+        lens = replace(small_lens(), spec=spec.replace(base={"kind": "cylinder", "diameter_mm": 30.0, **base}))
+        groups = {group.key: group for group in check_facts(make_check(lens))}
+        return groups["orientation"].fact("azimuth_mark")
+
+    bare = mark()
+    assert bare.value == "none" and bare.notice.endswith(": base.flat_mm = 14.25 cuts a flat across +x")
+    marked = mark(flat_mm=14.25)
+    assert marked.value == "flat" and "14.25" in marked.note and marked.notice == ""
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"verdicts": None}, "tools and findings are on top"),
+        ({"relief": BallClearance(faces={"top": filled(BoreClearance)})}, "tools and findings are on top"),
         ({"chart_axis": np.linspace(-1.0, 1.0, 5)}, r"cap.sag_mm: shape \(21, 21\), must be of the 5 nodes"),
         ({"cap": 3.0}, "cap"),
     ],

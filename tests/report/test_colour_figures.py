@@ -31,13 +31,16 @@ def beam(light: np.ndarray) -> BeamColour:
 
 def test_the_light_has_its_colours_and_the_map_their_distances() -> None:
     light = rings()
+    light[:, 0, -1] = (3.0, 5.5, 6.0)  # a tenth of the luminance of the peak, and less of its X
+    light[:, -1, 0] = (9.0, 4.5, 6.0)
     colour = beam(light)
     image = true_colours(light, colour, PLANE).axes[0].images[0].get_array()
     np.testing.assert_allclose(image[20, 20], srgb_of(np.array([WARM, COOL]))[1], atol=1e-9)
     away = delta_uv_map(light, colour, PLANE).axes[0].images[0].get_array()
     mean = np.array([colour.u.value, colour.v.value])
     assert away[20, 20] == pytest.approx(float(np.linalg.norm(uv_of(COOL) - mean)))
-    assert np.ma.getmaskarray(np.ma.masked_invalid(away))[0, 0], "no colour in the dark"
+    dark = np.ma.getmaskarray(np.ma.masked_invalid(away))
+    assert dark[0, 0] and dark[-1, 0] and not dark[0, -1], "no colour in the dark, which luminance tells"
 
 
 @pytest.mark.parametrize(("chart", "reach"), [(PLANE, 40.0), (SKY, 0.16)])

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import torch
 from presets import FEW
-from scenes import small_spec, sphere
+from scenes import random_surface, small_spec, sphere, table_of
 from search_scenes import Stop
 
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
+from lensforge.search.constraints import AugmentedLagrangian
 from lensforge.search.design_result import Progress
 from lensforge.search.feasibility import measure_constraints
 from lensforge.search.merit import MeritFunction
@@ -21,6 +22,7 @@ from lensforge.search.scene_symmetry import settled_symmetry
 from lensforge.search.searches_in_turn import search_in_turn
 from lensforge.sources.build_source import build_source
 from lensforge.spec import Spec
+from lensforge.surfaces.bicubic_table import TableGrid
 
 GRID = {"kind": "grid", "columns": 3, "rows": 3, "pitch_mm": 20.0}
 NEAR = {
@@ -61,6 +63,20 @@ def test_equal_kinds_have_the_light_and_the_constraints_of_one_lens() -> None:
     coarse = [image.reshape(8, -1, 8, image.shape[1] // 8).sum(axis=(1, 3)) for image in (alone, together)]
     np.testing.assert_allclose(coarse[1], coarse[0], atol=0.01 * coarse[0].max())
     np.testing.assert_allclose(together, together[::-1], atol=1e-12 * together.max())
+
+
+def test_each_kind_has_the_constraints_of_its_lens_alone() -> None:
+    """Three lenses of crooked faces, each by itself as the only one: the same fields, lens by lens."""
+    spec = spec_of(lens__symmetry="none")
+    grid = TableGrid(33)
+    tables = torch.stack([table_of(random_surface(k, (2.5, 6.0)[k % 2], 0.02, (9,)), grid) for k in range(6)])
+    three = AugmentedLagrangian.of(spec, grid)
+    alone = replace(three, lenses=1)
+    fields = three.fields(tables)
+    for lens, of_lens in enumerate(fields.chunk(3)):
+        torch.testing.assert_close(of_lens, alone.fields(tables[2 * lens : 2 * lens + 2]))
+    least = [alone.least(of_lens) for of_lens in fields.chunk(3)]
+    assert three.least(fields) == {key: min(values[key] for values in least) for key in three.keys}
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from lensforge.shop.sheet import Marks, Sheet, box_of
 from lensforge.shop.sheet_marks import dimension_text
 from lensforge.shop.sheet_tables import optical_table, tolerance_table
 from lensforge.shop.sheet_writers import sheet_dxf
-from lensforge.shop.view_drawing import PARTING_LINE, room_of
+from lensforge.shop.view_drawing import GATE, PARTING_LINE, PaperView, draw_views, room_of
 from lensforge.surfaces.asphere import Asphere, Biconic
 from lensforge.surfaces.reciprocal import ConeFace, ConicFace, PlaneFace
 from lensforge.surfaces.step_file import parts_of
@@ -389,6 +389,11 @@ def test_the_parting_line_is_where_the_section_along_x_is_widest() -> None:
     assert across_mm == pytest.approx(widest(0.0)[1], abs=1e-3) and height_mm == pytest.approx(widest(0.0)[0], abs=0.1)
     second_deg = other_section_deg(lens)
     assert second_deg is not None and abs(widest(second_deg)[1] - across_mm) > 0.01
+    view = PaperView(2.0, 0.7, (150.0, 90.0))
+    marks = draw_views(replace(views, mould={**views.mould, GATE: (1.0, 5.0)}), view)
+    labels = {label.text: box_of(label) for label in marks.texts}
+    assert labels[PARTING_LINE][0] > view.at((height_mm, across_mm))[0], "right of its arrow"
+    assert labels[GATE][2] < view.at((1.0, 5.0))[0], "left of its arrow"
 
 
 def test_findings_are_on_the_drawing_where_they_do_not_hold_and_matter() -> None:

@@ -153,8 +153,8 @@ def test_sizes_read_back_from_the_dxf_are_those_of_the_design(part: Part, name: 
     sheet = sheet_of(part, "grid", name)
     document = ezdxf.read(io.StringIO(sheet_dxf(sheet).decode("utf-8")))
     assert not document.audit().errors
-    widths = {pen: document.layers.get(pen).dxf.lineweight for pen in ("OUTLINE", "HIDDEN", "HATCH")}
-    assert list(widths.values()) == {"A3": [50, 25, 9], "A4": [35, 18, 9]}[name], "of a DXF, in hundredths of a mm"
+    pens = [document.layers.get(pen).dxf.lineweight for pen in ("OUTLINE", "HIDDEN", "HATCH")]
+    assert pens == {"A3": [50, 25, 9], "A4": [35, 18, 9]}[name], "hundredths of a millimetre, as a DXF has them"
     lengths = {}
     for dimension, mark in zip(sheet.marks.dimensions, document.modelspace().query("DIMENSION"), strict=True):
         factor = mark.override().get("dimlfac", 1.0)

@@ -130,6 +130,21 @@ def test_a_crooked_profile_is_reached_where_no_ray_of_the_tool_is_in_the_way() -
         assert 10 < sum(wanted) < 161 and np.count_nonzero(reached != wanted) <= 3, "but where a flank just touches"
 
 
+def test_tilts_that_are_tried_have_the_nose_on_all_normals() -> None:
+    """Normals from -20 to 40 degrees, a flank of 30: the axis is within 60 of each, from -20 to 40."""
+    slopes = np.deg2rad([10.0, 40.0, -20.0])
+    first, *even = np.degrees(tool(0.1, 30.0).tilts_rad(slopes))
+    assert first == pytest.approx(10.0)
+    np.testing.assert_allclose(sorted(even), np.linspace(-20.0, 40.0, 13), atol=1e-9)
+    assert np.degrees(tool(0.1, 30.0, 25.0).tilts_rad(slopes)).max() == pytest.approx(25.0)
+
+
+def test_the_rings_of_a_meridian_add_up_to_the_face() -> None:
+    """A sphere of 3 mm about a centre at 1 mm: above z = 0 it has 2 pi R (R + c)."""
+    meridian = Meridian.of(exported(sphere(3.0, (0.0, 0.0, 1.0)), AirSide.OUTSIDE), 481)
+    assert meridian.areas.sum() == pytest.approx(24.0 * np.pi, rel=1e-5)
+
+
 def test_the_hollows_of_the_meridian_count_alone() -> None:
     """A dome with a ring of a hollow, rho = 4 + 0.25 cos(6 polar angle)."""
     grooved = OfRadius(lambda u: 4.0 + 0.25 * np.cos(6.0 * np.arccos(np.clip(u[:, 2], -1.0, 1.0))))

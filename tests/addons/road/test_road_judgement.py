@@ -33,6 +33,7 @@ from lensforge.errors import InputError
 from lensforge.light.angular_grid import AngularGrid
 from lensforge.light.by_intensities import of_file, of_lens
 from lensforge.light.judged_limits import judged_limits, limit_value
+from lensforge.light.light_facts import light_facts
 from lensforge.light.luminaire_classes import LampLight
 from lensforge.optics.efficacy import Efficacy
 from lensforge.results import Fact, Metric, Sense
@@ -143,7 +144,8 @@ def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) ->
     spec = _spec(lamp_lm=2500.0).replace(
         photometry={"street_side_deg": 75.0}, evaluate={"rays": 1024, "pixels": 16, "window_mm": None}
     )
-    spec = spec.replace(roads=[*(road.model_dump() for road in spec.roads), RP8 | {"lamp_lm": 4000.0, "name": "wide"}])
+    wide = RP8 | {"lamp_lm": 4000.0, "name": "road 1 wide"}
+    spec = spec.replace(roads=[*(road.model_dump() for road in spec.roads), wide])
     preset = FEW.replace("roads", photometry_rays=(2**12, 2**12))
     lens = lf.Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), spec, 3, preset)
     light = lf.evaluate(lens)
@@ -153,6 +155,9 @@ def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) ->
     by_table = [(name, limit.value, limit.standard_error) for name, limit in named]
     assert by_light == by_table and len(far.roads) == 2
     assert all(error > 0.0 for _, _, error in by_light)
+    (told,) = (group.facts for group in light_facts(light, lens) if group.key == "limits")
+    remedies = [limit.remedy for road in far.roads for limit in with_remedies(road.limits)]
+    assert [fact.remedy for fact in told] == remedies, "of each road by its own limits, whatever the names"
     far.save(tmp_path / "lens.ies")
     file = read_photometric(tmp_path / "lens.ies")
     for road, stated in zip(spec.roads, far.roads, strict=True):
