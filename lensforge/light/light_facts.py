@@ -29,7 +29,7 @@ from lensforge.results.verdict import Reason
 from lensforge.scene.application_light import light_in
 from lensforge.scene.lens import Lens
 from lensforge.spec import Spec
-from lensforge.spec.application import Application, names_of
+from lensforge.spec.application import Application, name_before, names_of
 from lensforge.spec.trades import TRADES
 
 
@@ -112,7 +112,7 @@ def limit_facts(
     entries = dict(zip(names_of(applications), applications, strict=True))
 
     def named(limit: Fact) -> str:
-        return next((name for name in entries if limit.label.startswith(f"{name}: ")), "")
+        return name_before(limit.label, entries) or ""
 
     for name, limits in groupby(led.result.limits, key=named):
         for limit in light_in(entries[name]).with_remedies([*limits]) if name else limits:

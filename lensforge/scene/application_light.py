@@ -14,7 +14,7 @@ from lensforge.results.criteria import JudgedLimits
 from lensforge.results.registered_kinds import add_empty_list, add_list
 from lensforge.results.stage_result import StageResult
 from lensforge.scene.intensity_limit import Candela, IntensityLimit
-from lensforge.spec.application import Application, names_of
+from lensforge.spec.application import Application, name_before, names_of
 
 _Entry = TypeVar("_Entry", bound=Application)
 _Record = TypeVar("_Record", bound=StageResult)
@@ -81,7 +81,7 @@ class ApplicationLight(ABC, Generic[_Entry, _Judgement]):
         worst: dict[tuple[str, str], Fact] = {}
         names = names_of(entries)
         for limit in limits:
-            name = next((name for name in names if limit.label.startswith(f"{name}: ")), None)
+            name = name_before(limit.label, names)
             if name is None:
                 continue
             label = limit.label.removeprefix("" if len(names) > 1 else f"{name}: ")

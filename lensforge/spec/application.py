@@ -4,7 +4,7 @@ A spec has them in tables of their own, such as ``[[roads]]``, which add-ons bri
 them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import Annotated, ClassVar, Self, TypeVar
 
@@ -87,6 +87,12 @@ def names_of(applications: Sequence[Application]) -> tuple[str, ...]:
         for table in tables
         for number, application in enumerate(table, start=1)
     )
+
+
+def name_before(label: str, names: Iterable[str]) -> str | None:
+    """The longest of ``names`` with which the ``label`` of a limit begins, as in ``name: figure``, or None."""
+    before = [name for name in names if label.startswith(f"{name}: ")]
+    return max(before, key=len, default=None)
 
 
 def require_all_below(applications: Sequence[Application], receivers: Sequence[ReceiverSection]) -> None:

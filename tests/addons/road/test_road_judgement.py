@@ -140,11 +140,11 @@ def test_ratios_of_rp_8_are_stated_as_it_states_them(bright: float) -> None:
 
 
 def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) -> None:
-    """Two roads that differ, the second by RP-8: value and error of each limit; the file knows no error."""
+    """Two roads, the second by RP-8 and named after the first: value and error of each limit; the file knows no error."""
     spec = _spec(lamp_lm=2500.0).replace(
         photometry={"street_side_deg": 75.0}, evaluate={"rays": 1024, "pixels": 16, "window_mm": None}
     )
-    wide = RP8 | {"lamp_lm": 4000.0, "name": "road 1 wide"}
+    wide = RP8 | {"lamp_lm": 4000.0, "name": "road 1: wide"}
     spec = spec.replace(roads=[*(road.model_dump() for road in spec.roads), wide])
     preset = FEW.replace("roads", photometry_rays=(2**12, 2**12))
     lens = lf.Lens.double(random_surface(1, 3.0), random_surface(2, 6.0), spec, 3, preset)
