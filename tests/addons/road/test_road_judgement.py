@@ -140,7 +140,7 @@ def test_ratios_of_rp_8_are_stated_as_it_states_them(bright: float) -> None:
 
 
 def test_the_evaluation_the_photometry_and_the_file_have_one_figure(tmp_path) -> None:
-    """Two roads, the second by RP-8 and named after the first: value and error of each limit; the file knows no error."""
+    """Two roads, the second by RP-8 and named after the first: value and error; the file has no error."""
     spec = _spec(lamp_lm=2500.0).replace(
         photometry={"street_side_deg": 75.0}, evaluate={"rays": 1024, "pixels": 16, "window_mm": None}
     )
