@@ -27,8 +27,8 @@ _WALLS = 7  # of seeds: numbers that those of no face are
 class ObstacleBody(NamedTuple):
     """Vertices (mm) and triangles of a body in its own frame, which is turned about z, tilted, and then placed.
 
-    ``reflectance``: share of light that it reflects, 0 for a black one; ``diffuse``: in all directions. ``index``,
-    ``absorption_per_mm``: of a clear one; 0 for others.
+    ``reflectance``: share of light that it reflects, 0 for a black one; ``diffuse``: in all directions.
+    ``refractive_index``, ``absorption_per_mm``: of a clear one; 0 for others.
     """
 
     vertices: Float[np.ndarray, "v 3"]
@@ -38,7 +38,7 @@ class ObstacleBody(NamedTuple):
     centre_mm: tuple[float, float, float]
     reflectance: float = 0.0
     diffuse: bool = False
-    index: float = 0.0
+    refractive_index: float = 0.0
     absorption_per_mm: float = 0.0
 
     @property
@@ -81,7 +81,8 @@ class Obstacles:
             return None
         counts = [len(body.triangles) for body in bodies]
         finishes = zip(
-            *((body.reflectance, body.diffuse, body.index, body.absorption_per_mm) for body in bodies), strict=True
+            *((body.reflectance, body.diffuse, body.refractive_index, body.absorption_per_mm) for body in bodies),
+            strict=True,
         )
         return Obstacles(
             np.concatenate([body.corners for body in bodies]),

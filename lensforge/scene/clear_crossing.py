@@ -22,7 +22,7 @@ _Values = Float[np.ndarray, " n"]
 _Fields = Float[np.ndarray, "n 2 3"]
 
 
-class Crossing(NamedTuple):
+class CrossedRays(NamedTuple):
     """Rays behind clear bodies: where they go on (mm), their directions, and the ``share`` of the flux that does."""
 
     places: _Vectors

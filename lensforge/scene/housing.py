@@ -23,7 +23,7 @@ from lensforge.kernels.triangle_tree import TriangleTree, any_hits, first_hits, 
 from lensforge.optics.arrays import Array, lengths, like
 from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.pose import IN_PLACE, Pose, Vector
-from lensforge.scene.clear_crossing import Crossing, refracted
+from lensforge.scene.clear_crossing import CrossedRays, refracted
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.scene.wall_reflection import diffused, mirrored, towards_light
@@ -268,7 +268,7 @@ class Housing:
         ways = self.place.points(starts), self.place.directions(going)
         return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows]))
 
-    def _crossing(self, shadow: Shadow, rows: Int[np.ndarray, " k"], coming: _Vectors) -> Crossing:
+    def _crossing(self, shadow: Shadow, rows: Int[np.ndarray, " k"], coming: _Vectors) -> CrossedRays:
         """Light behind the clear bodies that the rays ``rows`` of a ``shadow`` meet, in the frame of the bodies.
 
         One that meets another body within, as where bodies overlap, does not leave.
@@ -287,7 +287,7 @@ class Housing:
         going, fields = refracted(within, fields, outwards, index)
         share = 0.5 * (fields**2).sum(axis=(1, 2)) * np.exp(-self.finishes.absorptions[bodies] * lengths_mm)
         places = starts + lengths_mm[:, None] * within + _OFF_WALL_MM * outwards
-        return Crossing(places, going, share * leaves)
+        return CrossedRays(places, going, share * leaves)
 
     @cached_property
     def normals(self) -> _Vectors:

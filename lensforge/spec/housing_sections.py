@@ -23,7 +23,8 @@ from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, Milli
 
 MOST_BODIES = 32
 
-Finish = Literal["black", "diffuse", "mirror", "clear"]
+Wall = Literal["black", "diffuse", "mirror"]
+Finish = Literal[Wall, "clear"]
 _OF_CLEAR = ("refractive_index", "absorption_per_mm")
 _Reflectance = Annotated[float, Field(ge=0.0, le=1.0)] | None
 
@@ -222,17 +223,17 @@ class HousingRoom(HousingSection):
 
     kind: Literal["room"] = "room"
     size_mm: tuple[Millimetres, Millimetres, Millimetres] = Field(description="Its inner lengths along x, y and z.")
+    surface: Wall = Field(
+        default="black",
+        description='The surface of its sides. "black": takes all light. "diffuse": reflects it into all directions by '
+        'the law of Lambert. "mirror": reflects it as a mirror. The search takes all for black.',
+    )
     floor_reflectance: _Reflectance = Field(
         default=None, description="Share of the light that its floor reflects; by default that of the walls."
     )
     ceiling_reflectance: _Reflectance = Field(
         default=None, description="Share of the light that its ceiling reflects; by default that of the walls."
     )
-
-    @check
-    def _has_walls(self) -> None:
-        if self.surface == "clear":
-            raise ValueError('surface = "clear": a room has walls; give "diffuse", "mirror" or "black"')
 
     @check
     def _black_sides_reflect_nothing(self) -> None:
@@ -282,7 +283,7 @@ def bodies_of(scene: Sequence[HousingSection], *, from_afar: bool = False) -> tu
 
 
 def reflection_of(bodies: Sequence[HousingSection]) -> Reflection | None:
-    """How ``bodies`` turn light: "diffuse" if any is, else as a "mirror" and clear bodies do; None if all are black."""
+    """Turn of light by ``bodies``: "diffuse" if any is, else "mirror" if any is one or clear; None if all are black."""
     surfaces = {body.surface for body in bodies}
     return "diffuse" if "diffuse" in surfaces else "mirror" if surfaces & {"mirror", "clear"} else None
 

@@ -376,7 +376,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"scene": [BEZEL | {"refractive_index": 1.5}]}, "refractive_index = 1.5: of a clear body only"),
     ({"scene": [BEZEL | GLASSY | {"reflectance": 0.5}]}, "a clear surface reflects by its refractive_index"),
     ({"scene": [BEZEL | GLASSY | {"patch_mm": 5.0}]}, "light on a clear body is not measured"),
-    ({"scene": [{"kind": "room", "name": "room", "size_mm": [900.0] * 3} | GLASSY]}, "a room has walls"),
+    ({"scene": [{"kind": "room", "name": "room", "size_mm": [900.0] * 3} | GLASSY]}, "scene.0.surface"),
     ({"limits": [LIMIT]}, "limits.0.cause = 'housing': of this scene it is one of beside"),
 ]  # fmt: skip
 

@@ -151,7 +151,12 @@ def test_the_proof_takes_the_same_way_by_a_law_of_its_own() -> None:
     obstacles = Obstacles.of(
         [
             ObstacleBody(
-                *mesh_of(body), body.rotate_z_deg, body.tilt_deg, body.centre_mm, index=INDEX, absorption_per_mm=PER_MM
+                *mesh_of(body),
+                body.rotate_z_deg,
+                body.tilt_deg,
+                body.centre_mm,
+                refractive_index=INDEX,
+                absorption_per_mm=PER_MM,
             )
             for body in bodies
         ]

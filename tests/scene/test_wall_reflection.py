@@ -300,6 +300,10 @@ def test_a_surface_that_is_none_is_refused_in_a_line(change: dict[str, Any], mes
 
 def test_a_black_body_keeps_its_hash_and_a_convex_one_may_be_measured() -> None:
     black = {"kind": "box", "name": "wall", "size_mm": [9.0, 9.0, 2.0], "centre_mm": [0.0, 0.0, 50.0]}
-    assert not {"surface", "reflectance"} & set(small_spec(scene=[black]).scene[0].model_dump())
+    assert not {"surface", "reflectance", "refractive_index"} & set(small_spec(scene=[black]).scene[0].model_dump())
     (white,) = small_spec(scene=[{**black, **WHITE, "patch_mm": 2.0}]).scene
     assert white.model_dump()["surface"] == "diffuse" and white.model_dump()["reflectance"] == 0.7
+    (clear,) = small_spec(scene=[{**black, "surface": "clear", "refractive_index": 1.5}]).scene
+    of_clear = {"refractive_index", "absorption_per_mm"}
+    assert of_clear <= set(clear.model_dump()) and not of_clear & set(white.model_dump())
+    assert clear.model_dump()["surface"] == "clear" and "reflectance" not in clear.model_dump()
