@@ -114,7 +114,7 @@ def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
     hear("lensforge.report.sweep_runs.run_sweep", none)
     hear("lensforge.report.tradeoff_study.run_tradeoff", none)
     hear("lensforge.search.searches.design", small_run.design)
-    hear("lensforge.cli.design.evaluate", small_run.light)
+    hear("lensforge.cli.preview_picture.evaluate", small_run.light)
     hear("lensforge.light.evaluation_result.Light.save")
     hear("lensforge.cli.design.Output.show")
     hear("click.launch")
