@@ -22,6 +22,7 @@ from typing import Any, SupportsFloat, cast
 
 import numba
 import numba.extending
+import numpy as np
 from numba.core.caching import FunctionCache
 
 from lensforge.errors import InputError
@@ -36,6 +37,8 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_
 CARRIED = Path(__file__).parents[1] / "compiled"  # what a wheel may carry: docs/install.md
 
 Function = Callable[..., Any]
+# Of what a kernel counts. With a plain 0 numba compiles all that takes the count for that number first, and drops it.
+NONE_YET = np.int64(0)
 
 
 class KernelCache:
