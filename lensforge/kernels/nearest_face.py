@@ -285,7 +285,7 @@ def back_into_cavity(rays, count, body):
     for _ in range(_PASSES):
         if moved == 0:
             break
-        moved = NONE_YET
+        moved = 0
         for face in range(len(body.tables)):
             if is_wall_of_cavity(face, body.sides):
                 going = start_outside(rays, count, face, body)
