@@ -32,6 +32,7 @@ setup(
     package_dir={"": "."},
     package_data={
         "lensforge": [
+            "compiled/*/*.nb[ci]",
             "report/templates/*",
             "shop/templates/*",
             "spec/*.csv",

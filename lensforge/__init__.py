@@ -41,11 +41,14 @@ else:
         known = NAMES if name in NAMES or name in UNLISTED or name.startswith("_") else public_names()
         if name in known or name in UNLISTED:  # the latter for pickles, which find a class by its name
             return known.get(name) or UNLISTED[name]
+        near = [] if name.startswith("_") else _near(name, known)
+        meant = f"; did you mean {near[0]}?" if near else ""
+        raise AttributeError(f"module 'lensforge' has no attribute {name!r}{meant}")
+
+    def _near(name: str, known: dict[str, object]) -> list[str]:
         from difflib import get_close_matches
 
-        near = get_close_matches(name, known, n=1) or get_close_matches(name.lower(), known, n=1)
-        meant = f"; did you mean {near[0]}?" if near and not name.startswith("_") else ""
-        raise AttributeError(f"module 'lensforge' has no attribute {name!r}{meant}")
+        return get_close_matches(name, known, n=1) or get_close_matches(name.lower(), known, n=1)
 
     def __dir__() -> list[str]:
         return __getattr__("__all__")

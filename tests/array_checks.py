@@ -22,9 +22,11 @@ _calls: dict[tuple[str, str, int], list[int]] = {}
 _begun: list[list[int]] = []
 
 
-def install(packages: Sequence[str]) -> None:
-    """Check what is imported from ``packages`` from now on."""
-    jaxtyping.install_import_hook(packages, "beartype.beartype")
+def install(modules: Sequence[str]) -> None:
+    """Check what is imported of these ``modules`` from now on."""
+    installed = jaxtyping.install_import_hook(modules, "beartype.beartype")
+    # Its own compares every module that is imported, of any library, with each of these.
+    installed.hook.should_instrument = frozenset(modules).__contains__
     jaxtyping.jaxtyped = checked  # which the hook writes above every function and class
 
 

@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 import click
 
 from lensforge.addon import addons
+from lensforge.cli.compiling import compile_kernels
 from lensforge.cli.design import design, preview
 from lensforge.cli.interrupts import Interrupts
 from lensforge.cli.output import printable, warning_line
@@ -34,7 +35,7 @@ from lensforge.version import __version__
 
 # Commands by what they are for, those of add-ons behind the core's; those of no heading come last.
 _SECTIONS = {
-    "Design": ("new", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
+    "Design": ("new", "preview", "design", "sweep", "tradeoff", "examples", "schema", "compile"),
     "One stage of a result folder again": ("evaluate", "export", "check", "verify", "photometry", "report"),
     "Tolerances": ("sensitivity", "yield"),
     "The shop and the machined part": ("handover",),
@@ -127,6 +128,7 @@ for command in (
     rays,
     schema,
     examples,
+    compile_kernels,
 ):
     cli.add_command(command)
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from time import monotonic
 from typing import Any, Unpack
 
 import click
@@ -23,26 +22,21 @@ from lensforge.cli.options import (
     with_rays,
 )
 from lensforge.cli.output import Block, Output, print_json, with_output
+from lensforge.cli.preview_picture import PreviewPicture
 from lensforge.cli.studies import design_for_each, run_with_progress
 from lensforge.errors import CriterionMissed, FailedDesigns, InputError, LensforgeError
 from lensforge.kernels.parallel import thread_count
-from lensforge.light.evaluation_result import Light
-from lensforge.light.lens_light import evaluate
 from lensforge.report.folder import Run, opened
 from lensforge.report.results import REPORT_FILE
 from lensforge.results.child_pool import child_pool
-from lensforge.scene.lens import Lens
 from lensforge.search import searches
 from lensforge.search.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.search.design_result import Progress
 from lensforge.search.searches import SearchOptions
 from lensforge.spec import Spec, load_spec
-from lensforge.spec.accuracy import preset_of
 from lensforge.spec.spec_files import alike
 
 _PICTURE_FILE = "light.png"  # of a preview
-_LEVEL_RAYS = 2**15  # of a preview
-_PAUSE_S = 1.0  # from one preview to the next
 _PREVIEW_RAYS = 2**17  # at most: an eighth of a draft's, for figures that have 2.8 times its errors
 
 
@@ -147,33 +141,6 @@ def _spec_and_leds(specs: Sequence[Path], files: Sequence[str]) -> tuple[Path, l
     return spec, [*files, *(str(file) for file in specs if file is not spec)]
 
 
-class PreviewPicture:
-    """Evaluates the current lens during a search, and overwrites the ``picture`` with its light."""
-
-    def __init__(self, picture: Path, *, shown: bool) -> None:
-        self._picture = picture
-        self._to_show = shown
-        self._next = 0.0
-
-    def on_step(self, step: Progress) -> None:
-        """Evaluate at the end of a level, but not twice in a second."""
-        if step.level_done and monotonic() > self._next:
-            lens = step.lens()
-            self.at(lens, min(_LEVEL_RAYS, lens.spec.evaluate.rays or _LEVEL_RAYS))
-
-    def at(self, lens: Lens, rays: int | None = None) -> Light:
-        """Look at ``lens``; the first picture is shown, if asked, as soon as it is there. ``rays``: on the way."""
-        preset = preset_of(lens.accuracy)
-        coarse = preset.replace("look", table_error=False, evaluate_nodes_per_sigma=preset.nodes_per_sigma)
-        light = evaluate(lens, rays=rays, accuracy=None if rays is None else coarse)
-        light.save(self._picture)
-        if self._to_show:
-            click.launch(str(self._picture))
-        self._to_show = False
-        self._next = monotonic() + _PAUSE_S
-        return light
-
-
 @click.command()
 @SPEC
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_preview.")
@@ -196,12 +163,11 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
     directory = out or Path("cad_out") / f"{content.name}_preview"
     picture = directory / _PICTURE_FILE
     several = (options.get("threads") or thread_count()) > 1
-    compiling = int(several and not are_compiled())
-    with StageClock("design", quiet=output.quiet) as clock, child_pool(compiling, clock.warn) as second:
-        if second.runs:
+    with StageClock("design", quiet=output.quiet) as clock, child_pool(int(several), clock.warn) as second:
+        if second.runs and not are_compiled():
             second.call(compile_search_kernels, content)
         heard = DesignProgress(clock, content)
-        looks = PreviewPicture(picture, shown=shown)
+        looks = PreviewPicture(picture, second, shown=shown)
 
         def on_step(step: Progress) -> None:
             heard.on_step(step)
@@ -211,7 +177,7 @@ def preview(spec: Path, out: Path | None, shown: bool, output: Output, **options
             options.update({"accuracy": "draft", "preview": True, "progress": on_step, "warn": clock.warn})
             made = here.write(searches.design(content, **options))
             clock.begin("evaluate")
-            light = here.write(looks.at(made.lens))
+            light = here.write(looks.at_the_end(made.lens))
             run = here.run
         clock.total()
     title = f"{content.name}: a draft, {run.design.steps} steps"

@@ -36,7 +36,7 @@ from lensforge.kernels.adjoint_packet import (
     move_to_face,
     take_jets,
 )
-from lensforge.kernels.compiled import inline, kernel
+from lensforge.kernels.compiled import NONE_YET, inline, kernel
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields_adjoint import (
     BY_E,
@@ -172,7 +172,7 @@ def load(packet, lane, k, fate, rays, body, by):
 @inline
 def load_pairs(packet, first, last, rays, body, ways, fates, by):
     """Put the contributing rays among ``first`` to ``last`` of a double lens into a packet. Returns their number."""
-    count = 0
+    count = NONE_YET
     for k in range(first, last):
         left = fates[k] == Fate.LEFT_LENS
         if not left and not (fates[k] == Fate.TOTAL_REFLECTION and ways.lengths[k, 1] > 0.0):
@@ -235,7 +235,7 @@ def load_way(packet, numbers, fates, events, rays, body, ways, by):
 
     Returns their number.
     """
-    count = 0
+    count = NONE_YET
     for k in numbers:
         ended = fates[k] == Fate.TOTAL_REFLECTION and events == ways.lengths.shape[1]
         if (fates[k] == Fate.LEFT_LENS or ended) and load(packet, count, k, fates[k], rays, body, by):

@@ -391,7 +391,9 @@ def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
     rim = 1.0 + step
     for i in range(side):
         for b in range(tiles.shape[1]):
-            spreads[i, b] = spread_of_row(table, i, acting(b, side, cells, reach))
+            spread_here = spread_of_row(table, i, acting(b, side, cells, reach))
+            for number in range(6):  # at once numba would compile a message on sizes, too: 0.4 s
+                spreads[i, b, number] = spread_here[number]
     for a in range(tiles.shape[0]):
         near_x = nearest(origin, step, a * cells, (a + 1) * cells)
         rows = acting(a, side, cells, reach)

@@ -4,6 +4,9 @@ numba keys its cache by the file of the outer function alone, so an edit in a ca
 cache folder is therefore named by a digest of every file in a package and of numba's version: all kernels that call
 each other, and the constants that they use, are in one package. numba's own key is the place of that file, too, so that
 every checkout and every environment would compile the same kernels again, for half a minute: here the digest is all.
+
+A new folder begins with the kernels that the installed package carries, if it does: folders like those of the cache in
+:data:`CARRIED`. Of another type of CPU they are left alone, and compiled as without.
 """
 
 import atexit
@@ -19,6 +22,7 @@ from typing import Any, SupportsFloat, cast
 
 import numba
 import numba.extending
+import numpy as np
 from numba.core.caching import FunctionCache
 
 from lensforge.errors import InputError
@@ -30,7 +34,11 @@ _MOST_WAIT_S = 300.0  # for a kernel that another process compiles: the slowest 
 # operation on memory that all threads share, for every evaluation of a surface.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 
+CARRIED = Path(__file__).parents[1] / "compiled"  # what a wheel may carry: docs/install.md
+
 Function = Callable[..., Any]
+# Of what a kernel counts. With a plain 0 numba compiles all that takes the count for that number first, and drops it.
+NONE_YET = np.int64(0)
 
 
 class KernelCache:
@@ -149,15 +157,37 @@ def cache_folder(kernels: Path) -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(kernels.glob("*.py")):
         digest.update(source.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    carried = CARRIED / name
     try:
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        folder = home / "lensforge" / f"kernels-{digest.hexdigest()[:16]}"
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = home / "lensforge" / name
+        if folder.is_dir():
+            carried = folder
+        else:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            _begin_with(carried, folder)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(bytes(_LARGEST_BYTES))
             return folder
-    except (OSError, RuntimeError):  # no home, a read-only or a full one: compiled once for each process
-        return _temporary_cache()
+    except (OSError, RuntimeError):  # no home, a read-only or a full one: what is missing is compiled for each process
+        return _temporary_cache(carried)
+
+
+def _begin_with(carried: Path, folder: Path) -> None:
+    """Make ``folder``, whole or not at all, with the kernels of the folder ``carried``; empty if there are none."""
+    with tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as begun:
+        copied = Path(begun) / folder.name
+        if carried.is_dir():
+            _copy_kernels(carried, copied)
+        copied.mkdir(exist_ok=True)
+        with suppress(OSError):  # another process was earlier
+            copied.rename(folder)
+    folder.mkdir(exist_ok=True)
+
+
+def _copy_kernels(carried: Path, copied: Path) -> None:
+    shutil.copytree(carried, copied, copy_function=shutil.copyfile, ignore=shutil.ignore_patterns("*.lock", "tmp*"))
 
 
 def are_compiled() -> bool:
@@ -165,12 +195,16 @@ def are_compiled() -> bool:
     return any(_folder_of(Path(__file__).parent).glob("trace.*.nbi"))
 
 
-def _temporary_cache() -> Path:
-    """A folder for this process alone, deleted when it ends."""
+def _temporary_cache(carried: Path) -> Path:
+    """A folder for this process alone, deleted when it ends, which begins with the kernels of ``carried``, if any."""
     try:
         folder = tempfile.mkdtemp(prefix="lensforge-")
     except OSError as error:
         place = f"neither ~/.cache nor a temporary folder can be used for the compiled kernels ({error.strerror})"
         raise InputError(f"{place}; make room, or set XDG_CACHE_HOME to a folder that can be written") from None
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
+    copied = Path(folder) / carried.name
+    with suppress(OSError):  # it is no folder, or there is no room: compiled
+        _copy_kernels(carried, copied)
+    copied.mkdir(exist_ok=True)
+    return copied

@@ -3,7 +3,7 @@
 from math import sqrt
 
 from lensforge.kernels.bicubic import bounds_of, jet, tile_of
-from lensforge.kernels.compiled import inline
+from lensforge.kernels.compiled import NONE_YET, inline
 from lensforge.kernels.drawn_faces import across
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.fields import unpolarised
@@ -76,7 +76,7 @@ def begin_fields(packet, count, rays, placement, sides):
 @inline
 def enter(rays, first, last, body, ways, fates, packet):
     """Put the rays ``first`` to ``last`` that enter the cavity into a packet. Returns their number."""
-    entered = 0
+    entered = NONE_YET
     for k in range(first, last):
         if fates[k] != Fate.LEFT_LENS:
             continue

@@ -12,7 +12,7 @@ last.
 
 from math import inf, sqrt
 
-from lensforge.kernels.compiled import inline
+from lensforge.kernels.compiled import NONE_YET, inline
 from lensforge.kernels.precision import ByPrecision
 from lensforge.kernels.ray_packet import (
     ALONG_Z,
@@ -310,7 +310,7 @@ def first_hits(rays, count, table, grid, bounds, among, outside):
     """
     side = float(len(table))
     tiles = float(len(bounds.tiles))
-    closing = 0
+    closing = NONE_YET
     for step in range(_LEAPS + MAX_STEPS + MAX_CLOSING):
         whole = in_whole_vectors(count)
         locate(rays, whole, side, grid, tiles, bounds.per_unit)

@@ -7,7 +7,7 @@ likely to be met is searched first; another is searched where the crossing found
 from math import inf, sqrt
 
 from lensforge.kernels.bicubic import bounds_of, jet
-from lensforge.kernels.compiled import inline
+from lensforge.kernels.compiled import NONE_YET, inline
 from lensforge.kernels.first_hit import BELOW, FOUND, GOING, LOST, MISSED, first_hits
 from lensforge.kernels.nearly_convex import (
     clear_ahead,
@@ -136,7 +136,7 @@ def search_quickly(rays, count, face, body):
     table = body.tables[face]
     bounds = bounds_of(body.bounds, face)
     grid = body.grid
-    going = 0
+    going = NONE_YET
     ball = body.bounds.balls[face]
     hollow = body.bounds.hollows[face]
     for k in range(count):
@@ -173,7 +173,7 @@ def start_inside(rays, count, face, guessed, body):
 
     Returns their number.
     """
-    going = 0
+    going = NONE_YET
     medium = body.sides.before[face]
     hollow = body.bounds.hollows[face]
     table = body.tables[face]
@@ -200,7 +200,7 @@ def start_outside(rays, count, face, body):
 
     Returns their number.
     """
-    going = 0
+    going = NONE_YET
     for k in range(count):
         if rays[BACK_STATUS + k] != GOING or rays[BACK_FACE + k] == face:
             continue

@@ -8,7 +8,7 @@ flux of the ray, whatever its fate.
 from math import exp
 
 from lensforge.kernels.bicubic import bounds_of
-from lensforge.kernels.compiled import inline
+from lensforge.kernels.compiled import NONE_YET, inline
 from lensforge.kernels.drawn_faces import is_past_end
 from lensforge.kernels.entry import entry
 from lensforge.kernels.fate import Fate
@@ -197,7 +197,7 @@ def to_next_event(packet, lane, going, face, medium, rays, body, balls):
 @inline
 def pass_on(packet, count, event, rays, body, ways, exits):
     """Pass the rays of a packet through the faces at which they are. Returns the number of those that continue."""
-    going = 0
+    going = NONE_YET
     last = event + 1 == ways.lengths.shape[1]
     ordered = in_order(body.bounds.balls)
     for lane in range(count):

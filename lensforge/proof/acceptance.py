@@ -11,7 +11,7 @@ from itertools import chain
 from lensforge.proof.cast_results import Agreement, BrepCast, MitsubaCast, SizedFile, Sizes
 from lensforge.proof.remedies import FINER, Evidence, form_of_mesh, form_of_step
 from lensforge.results import BodySize, Fact
-from lensforge.results.criteria import at_most, declare_label
+from lensforge.results.criteria import at_most, declare_labels
 
 _MESH = "mesh (lens.stl)"
 _STEP = "STEP file"
@@ -26,9 +26,11 @@ _LABELS = {
     "area_change": "area of the {}, against the export",
     "box_change": "outer size of the {}, against the export",
 }
-for _prefix, _file in _FILES.items():
-    for _name, _words in _LABELS.items():
-        declare_label(f"{_prefix}{_name}", _words.format(_file))
+declare_labels(
+    lambda: (
+        (f"{prefix}{name}", words.format(file)) for prefix, file in _FILES.items() for name, words in _LABELS.items()
+    )
+)
 
 # Share of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = 1e-3

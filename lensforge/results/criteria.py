@@ -1,6 +1,6 @@
 """Acceptance criteria: numbers of a result, each with its limit, and their labels."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import isfinite
 from typing import Annotated
@@ -27,13 +27,19 @@ _OF_FACE = {
 }
 
 
-def declare_label(name: str, label: str) -> None:
-    """Register the label of the criterion ``name``, as declared by its field."""
-    _LABELS[name] = label
+_Declared = Callable[[], Iterable[tuple[str, str]]]
+_not_read: list[_Declared] = []  # names and labels, in the order of their declarations
+
+
+def declare_labels(declared: _Declared) -> None:
+    """Register names and labels of criteria, as ``declared`` by their fields; it is called for the first label."""
+    _not_read.append(declared)
 
 
 def label_of(name: str) -> str:
     """Label of a criterion by its name, which may begin with its face, its file or its receiver."""
+    while _not_read:
+        _LABELS.update(_not_read.pop(0)())
     receiver, colon, short = name.rpartition(": ")
     face, _, of_face = short.partition(" ")
     if of_face in _OF_FACE:

@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar, get_origin
 
 from pydantic.fields import FieldInfo
 
-from lensforge.results.criteria import at_least, at_most, declare_label, state_of
+from lensforge.results.criteria import at_least, at_most, declare_labels, state_of
 from lensforge.results.fact import Fact
 from lensforge.results.numerals import converted, quantity, unit_of, without_unit
 from lensforge.results.record import InCriterion, Metric, Record, Sense, marker, marks_of
@@ -232,9 +232,13 @@ def _criterion_name(declared: _Declared[Criterion]) -> str:
 
 def declare_criteria(kind: type[Record]) -> None:
     """Register the labels of the criteria of ``kind`` for readers that know only their names, as a table of designs."""
-    for declared, path in _declared_by(kind, Criterion):
-        if "{" not in declared.name:
-            declare_label(declared.name or _name(path), declared.phrase)
+    declare_labels(
+        lambda: (
+            (declared.name or _name(path), declared.phrase)
+            for declared, path in _declared_by(kind, Criterion)
+            if "{" not in declared.name
+        )
+    )
 
 
 def with_told_by_criteria(kind: type[Record], content: Mapping[str, Any], fields: Iterable[str]) -> dict[str, Any]:

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lensforge.cad.boundary import lens_boundaries
-from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.scene.lens import Lens
 from lensforge.sources.build_source import build_source
@@ -30,6 +28,9 @@ def require_feasible_tolerances(lens: Lens, factors: Sequence[Factor]) -> None:
 
 
 def _require_feasible(lens: Lens, factors: Sequence[Factor]) -> None:
+    from lensforge.cad.boundary import lens_boundaries  # a tenth of a second, which only robust searches need
+    from lensforge.cad.wall import thinnest_of
+
     cavity, envelope = lens_boundaries(lens)
     wall = thinnest_of(lens).thickness_mm
     reach = float(envelope.radius(lens.directions(_DIRECTIONS)).max())

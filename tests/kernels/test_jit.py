@@ -36,6 +36,54 @@ def test_any_edit_in_the_folder_makes_another_cache(
     assert cache_folder(copied) != cache_folder(KERNELS)
 
 
+@pytest.fixture
+def carried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Kernels that the package carries, of these sources, and an empty home of the cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("lensforge.kernels.compiled.CARRIED", tmp_path / "carried")
+    folder = tmp_path / "carried" / cache_folder(KERNELS).name
+    shutil.rmtree(tmp_path / "cache")
+    folder.mkdir(parents=True)
+    for name in ("a.nbi", "a.1.nbc", "a.lock"):
+        (folder / name).write_text(name)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+def test_a_new_cache_begins_with_the_kernels_that_the_package_carries(carried: Path, tmp_path: Path) -> None:
+    folder = cache_folder(KERNELS)
+    assert folder == tmp_path / "cache" / "lensforge" / carried.name
+    assert contents(folder) == {"a.nbi": "a.nbi", "a.1.nbc": "a.1.nbc"}, "no locks"
+    assert list(folder.parent.iterdir()) == [folder], "nothing is left of what was begun"
+    (folder / "a.nbi").write_text("compiled since")
+    assert contents(cache_folder(KERNELS))["a.nbi"] == "compiled since", "an older one keeps its own"
+    assert contents(cache_folder(PROOF)) == {}, "of other sources"
+
+
+def test_kernels_of_a_cache_that_cannot_be_written_serve_every_process(
+    carried: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those in the cache, such as of an image that another user made; else those of the package."""
+
+    def refuse(**_: object) -> None:
+        raise PermissionError("read-only")
+
+    own = cache_folder(KERNELS)
+    (own / "b.nbi").write_text("own")
+    monkeypatch.setattr("tempfile.TemporaryFile", refuse)
+    other = cache_folder(KERNELS)
+    assert other != own and other.name == own.name, "numba takes the name for a stamp of the sources"
+    assert contents(other) == contents(own)
+    shutil.rmtree(own)
+    monkeypatch.setattr("lensforge.kernels.compiled._begin_with", lambda *_: refuse())
+    assert contents(cache_folder(KERNELS)) == {"a.nbi": "a.nbi", "a.1.nbc": "a.1.nbc"}
+    shutil.rmtree(carried)
+    assert contents(cache_folder(KERNELS)) == {}
+
+
 _MULTIPLY = """
 import numpy as np
 from lensforge.kernels.sparse import add_transposed
@@ -58,6 +106,11 @@ def test_of_two_checkouts_that_start_together_one_runs_what_the_other_compiles(t
     (folder, *first), (again, *second) = (process.communicate()[0].split() for process in started)
     assert folder == again and folder.startswith(str(tmp_path / "cache"))
     assert sorted([first, second]) == [["0", "1"], ["1", "0"]], "hits and misses of the cache"
+    shutil.copytree(tmp_path / "cache" / "lensforge", tmp_path / "first" / "lensforge" / "compiled")
+    surroundings = {**surroundings, "PYTHONPATH": str(tmp_path / "first"), "XDG_CACHE_HOME": str(tmp_path / "other")}
+    carried = subprocess.run(command, env=surroundings, stdout=subprocess.PIPE, encoding="utf-8", check=True)
+    (place, *third) = carried.stdout.split()
+    assert (place.startswith(str(tmp_path / "other")), third) == (True, ["1", "0"]), "carried by the package"
 
 
 def test_a_kernel_is_locked_from_the_first_look_for_it_until_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

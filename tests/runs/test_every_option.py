@@ -28,7 +28,7 @@ OF_FOLDER = (
     "check", "evaluate", "export", "handover", "photometry", "sensitivity", "verify", "yield",
 )  # fmt: skip
 BASE = dict.fromkeys(OF_FOLDER, ("{folder}",)) | {
-    "design": ("{spec}", "--out", "{out}"), "preview": ("{spec}", "--out", "{out}"),
+    "compile": ("{spec}",), "design": ("{spec}", "--out", "{out}"), "preview": ("{spec}", "--out", "{out}"),
     "sweep": ("{spec}", "--vary", "source.side_mm=1,2", "--out", "{out}"), "tradeoff": ("{spec}", "--out", "{out}"),
     "report": ("{folder}", "{folder}"),
 } | addon_rows("ARGUMENTS")  # fmt: skip
@@ -42,6 +42,7 @@ FORCE = {"--force": ("", "force", True)}
 OPEN = {"--open": ("", "", "click.launch")}
 HEARD: dict[str, dict[str, tuple[str, str, Any]]] = {  # arguments, keyword (or any), its value
     "check": {"--process": ("moulded", "process", "moulded")},
+    "compile": {"--threads": COUNT["--threads"]},
     "design": SEARCH | FORCE | OPEN | {
         "--rays": ("1.5e3", "rays", 1500), "--sources": ("{led} --sources {other_led}", "sources", "led, other"),
         "--starts": ("4", "starts", 4),
@@ -114,7 +115,7 @@ def calls(monkeypatch: pytest.MonkeyPatch, small_run: lf.Run) -> Calls:
     hear("lensforge.report.sweep_runs.run_sweep", none)
     hear("lensforge.report.tradeoff_study.run_tradeoff", none)
     hear("lensforge.search.searches.design", small_run.design)
-    hear("lensforge.cli.design.evaluate", small_run.light)
+    hear("lensforge.cli.preview_picture.evaluate", small_run.light)
     hear("lensforge.light.evaluation_result.Light.save")
     hear("lensforge.cli.design.Output.show")
     hear("click.launch")

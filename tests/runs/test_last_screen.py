@@ -5,6 +5,7 @@ import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,9 +16,11 @@ import lensforge as lf
 from lensforge.cli.cli import cli
 from lensforge.cli.conclusion import document, rows_of, summary
 from lensforge.cli.output import Block, print_screen
+from lensforge.cli.preview_picture import PreviewPicture
 from lensforge.cli.progress import duration
 from lensforge.report.headline import required_facts
 from lensforge.results import Fact, Group
+from lensforge.results.child_pool import IN_TURN, child_pool
 from lensforge.search import searches
 
 
@@ -153,6 +156,25 @@ def test_the_picture_of_a_preview_is_there_after_the_first_level_and_outlasts_an
     assert first.startswith(b"\x89PNG") and second != first, "and renewed"
     assert [path.name for path in (tmp_path / "first").glob("[!.]*")] == ["light.png"]
     assert picture.read_bytes().endswith(b"IEND\xaeB`\x82"), "whole"
+
+
+def test_the_pictures_of_a_preview_are_the_same_from_a_second_process(small_run: lf.Run, tmp_path: Path) -> None:
+    level = SimpleNamespace(level_done=True, lens=lambda: small_run.lens)
+    with child_pool(1, pytest.fail) as second:
+        beside = PreviewPicture(tmp_path / "beside.png", second, shown=False)
+        beside.on_step(level)
+        beside.on_step(level)  # before the first is there: not drawn
+        deadline = time.monotonic() + 60.0
+        while not (tmp_path / "beside.png").exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        on_the_way = (tmp_path / "beside.png").read_bytes()
+        light = beside.at_the_end(small_run.lens)
+    here = PreviewPicture(tmp_path / "here.png", IN_TURN, shown=False)
+    here.on_step(level)
+    assert (tmp_path / "here.png").read_bytes() == on_the_way
+    assert here.at_the_end(small_run.lens).sha256 == light.sha256
+    assert (tmp_path / "here.png").read_bytes() == (tmp_path / "beside.png").read_bytes() != on_the_way
 
 
 def test_a_preview_takes_fewer_rays_than_a_draft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

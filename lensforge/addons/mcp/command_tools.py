@@ -13,7 +13,7 @@ from lensforge.cli.cli import all_commands
 from lensforge.errors import InputError
 
 # Commands with a window or a server of their own, and what concerns a terminal, a desktop or other machines.
-_NO_TOOLS = ("mcp", "studio")
+_NO_TOOLS = ("compile", "mcp", "studio")
 _HIDDEN = ("as_json", "quiet", "shown", "scheduler", "device", "threads")
 
 
