@@ -6,7 +6,7 @@ face is far away. Rays meet such a face by their shadows (``kernels.drawn_faces`
 its radius elsewhere serves curvatures and normals beside that plane.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ _Values = Float[np.ndarray, " n"]
 BEYOND_RAD = 0.15  # below the plane z = 0 up to which a profile bends: tables and exports reach a little below it
 _SIDES = 2001  # angles at which profiles are compared
 _DETAIL = 0.7  # of a step between knots: sigma of a Gaussian as wide as a quintic B-spline
+_FIT_RCOND = 1e-7  # of the functions of a part: those that no point knows have small coefficients
 _TINY = np.finfo(float).tiny
 
 
@@ -55,10 +56,13 @@ class DrawnFace(ReciprocalSurface):
     def __post_init__(self) -> None:
         if not np.isfinite(self.coefficients).all():
             raise InputError("extruded: a coefficient is infinite, or no number")
+        self._require_closed()
+        super().__post_init__()
+
+    def _require_closed(self) -> None:
         least = float(self._splines[0](np.linspace(0.0, len(self.coefficients) - 5.0, _SIDES)).min())
         if not least > 0.0:
             raise InputError(f"extruded: the profile falls to {least:.3g} /mm, and meets itself; it must stay above 0")
-        super().__post_init__()
 
     @property
     def detail_rad(self) -> float:
@@ -69,7 +73,7 @@ class DrawnFace(ReciprocalSurface):
     def mirrored(self) -> "DrawnFace":
         """The mean of the face and its image in the plane x = 0."""
         sides = np.array(self.coefficients)
-        return DrawnFace(self.reach_mm, tuple((0.5 * (sides + sides[::-1])).tolist()))
+        return replace(self, coefficients=tuple((0.5 * (sides + sides[::-1])).tolist()))
 
     def with_coefficients(self, count: int) -> "DrawnFace":
         """The nearest face of so many coefficients; itself where it has them."""
@@ -77,7 +81,7 @@ class DrawnFace(ReciprocalSurface):
             return self
         basis = profile_basis(count)
         angles = np.linspace(basis.low, basis.high, _SIDES)
-        return DrawnFace(self.reach_mm, basis.nearest(angles, self.basis.value(self._splines, angles)))
+        return replace(self, coefficients=basis.nearest(angles, self.basis.value(self._splines, angles)))
 
     @cached_property
     def basis(self) -> ProfileBasis:
@@ -110,6 +114,22 @@ class DrawnFace(ReciprocalSurface):
     @cached_property
     def _splines(self):  # type: ignore[no-untyped-def]  # three splines of SciPy
         return self.basis.splines(np.array(self.coefficients))
+
+
+@recorded("extruded_part", "A face drawn along y that bounds its medium at some angles: elsewhere another is nearer.")
+@dataclass(frozen=True)
+class DrawnPart(DrawnFace):
+    """A profile of which other faces hide a part, where it may lie anywhere: S may fall to 0 and below there."""
+
+    @staticmethod
+    def through(points: Float[np.ndarray, "n 2"], reach_mm: float, count: int) -> "DrawnPart":
+        """The nearest profile to ``points`` (x, z), in S; where there are none it is far away."""
+        distances = np.hypot(points[:, 0], points[:, 1])
+        functions = profile_basis(count).matrix(np.arctan2(points[:, 0], points[:, 1]) / np.pi)
+        return DrawnPart(reach_mm, tuple(np.linalg.lstsq(functions, 1.0 / distances, rcond=_FIT_RCOND)[0].tolist()))
+
+    def _require_closed(self) -> None:
+        pass
 
 
 REACH = 1.6  # of a face over the largest radius of its lens
