@@ -76,7 +76,7 @@ class DrawnParameters(Parametrisation):
         first = torch.tensor(self.start_faces[face].coefficients, dtype=torch.float64)
         moved = weights[:, face]
         moved = 0.5 * (moved + moved.flip(0)) if self.symmetric else moved
-        return first + first.mean() * moved
+        return first + first.abs().mean() * moved
 
     @cached_property
     def _functions(self) -> Float[Tensor, "n k"]:
@@ -95,7 +95,7 @@ class DrawnParameters(Parametrisation):
             assert isinstance(surface, DrawnFace)
             first = np.array(start.coefficients)
             moved = np.array(surface.with_coefficients(len(first)).coefficients) - first
-            weights[:, face] = torch.from_numpy(moved / first.mean())
+            weights[:, face] = torch.from_numpy(moved / np.abs(first).mean())
         return weights, offsets
 
     def surfaces(self, weights: Float[Tensor, "m f"], offsets: Float[Tensor, " f"]) -> dict[str, Surface]:
