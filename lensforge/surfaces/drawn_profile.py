@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.surfaces.profile import ProfileBasis, Reciprocals
+from lensforge.surfaces.profile import DEGREE, ProfileBasis, Reciprocals
 from lensforge.surfaces.reciprocal import ReciprocalSurface
 from lensforge.surfaces.surface import recorded
 
@@ -24,6 +24,7 @@ BEYOND_RAD = 0.15  # below the plane z = 0 up to which a profile bends: tables a
 _SIDES = 2001  # angles at which profiles are compared
 _DETAIL = 0.7  # of a step between knots: sigma of a Gaussian as wide as a quintic B-spline
 _FIT_RCOND = 1e-7  # of the functions of a part: those that no point knows have small coefficients
+_STRAIGHT = 1e-4  # weight of a fit's bends beyond its points
 _TINY = np.finfo(float).tiny
 
 
@@ -123,10 +124,24 @@ class DrawnPart(DrawnFace):
 
     @staticmethod
     def through(points: Float[np.ndarray, "n 2"], reach_mm: float, count: int) -> "DrawnPart":
-        """The nearest profile to ``points`` (x, z), in S; where there are none it is far away."""
+        """The nearest profile to ``points`` (x, z), in S; far away where there are none, but straight on at the feet."""
         distances = np.hypot(points[:, 0], points[:, 1])
         functions = profile_basis(count).matrix(np.arctan2(points[:, 0], points[:, 1]) / np.pi)
-        return DrawnPart(reach_mm, tuple(np.linalg.lstsq(functions, 1.0 / distances, rcond=_FIT_RCOND)[0].tolist()))
+        bends = _STRAIGHT * np.diff(np.eye(count), 2, axis=0)[[*range(DEGREE), *range(-DEGREE, 0)]]
+        rows = np.concatenate([functions, bends])
+        wanted = np.concatenate([1.0 / distances, np.zeros(len(bends))])
+        return DrawnPart(reach_mm, tuple(np.linalg.lstsq(rows, wanted, rcond=_FIT_RCOND)[0].tolist()))
+
+    @cached_property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of the narrowest feature: of its functions, or of a Gaussian as high and as curved as its radius.
+
+        The latter is where it goes over into its continuation.
+        """
+        angles, step = np.linspace(-0.5 * np.pi - BEYOND_RAD, 0.5 * np.pi + BEYOND_RAD, _SIDES, retstep=True)
+        radii = self.radius(in_section(angles))
+        curvature = float(np.abs(np.diff(radii, 2)).max()) / step**2
+        return min(super().detail_rad, float(np.sqrt(2.0 * np.ptp(radii) / max(curvature, _TINY))))
 
     def _require_closed(self) -> None:
         pass

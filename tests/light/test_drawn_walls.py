@@ -10,14 +10,21 @@ from chains import MixedLight
 from landed import by_kernels, in_torch, on_device
 
 from lensforge.kernels.fate import Fate
-from lensforge.light.table_trace import Scene, trace_tables
+from lensforge.light.crease import crease_gradients
+from lensforge.light.later_creases import later_crease_gradients
+from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.media import Media, Medium
+from lensforge.optics.pose import Pose
 from lensforge.scene.body import Chain
+from lensforge.sources.build_source import PlacedSource
+from lensforge.sources.emitting_area import Disc
+from lensforge.sources.intensity import CosinePower
+from lensforge.sources.planar_emitter import PlanarEmitter
 from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 from lensforge.surfaces.collimator import Collimator
-from lensforge.surfaces.drawn_profile import DrawnPart, in_section
+from lensforge.surfaces.drawn_profile import DrawnPart
 
 INDEX = 1.49
 GRID = TableGrid(401)
@@ -49,7 +56,7 @@ def crooked() -> dict[str, DrawnPart]:
     cap = tuple(
         height * ways[low] * (INDEX - 1.0) / (INDEX * ways[low, 1:] - 1.0 + 0.3) for height in (3.1, 3.1)
     )
-    slant = tuple(ways[low] * 9.4 / (ways[low, 1:] + tilt * ways[low, :1]) for tilt in (0.05, -0.05))
+    slant = tuple(ways[low] * 6.9 / (ways[low, 1:] + tilt * ways[low, :1]) for tilt in (0.05, -0.05))
     return {"cap": both(cap, 6.0), "side": both(side, 6.0), "wall": both((wall[0], wall[1]), reach),
             "exit": both(slant, reach)}  # fmt: skip
 
@@ -83,3 +90,56 @@ def test_the_reference_tracer_agrees(half_mm: float) -> None:
     assert torch.allclose(reference.carried, kernels.carried, rtol=1e-10, atol=0.0)
     assert torch.allclose(reference.hits, kernels.hits, rtol=1e-7, atol=1e-7)
     assert half_mm == inf or bool((kernels.fates == int(Fate.FLANGE)).any())
+
+
+def scaled(name: str, factor: float) -> np.ndarray:
+    """Tables with one face larger by a factor."""
+    face = FACES[name]
+    return tables_of(FACES | {name: replace(face, coefficients=tuple(np.divide(face.coefficients, factor)))})
+
+
+def test_gradients_by_the_tables_are_those_of_differences() -> None:
+    mixed = MixedLight(tables_of(FACES), replace(SCENE, drawn_half_mm=45.0), led(400, 5), 3)
+    for name in FACES:
+        slope = mixed.slope((scaled(name, 1.0 + 1e-3) - scaled(name, 1.0 - 1e-3)) / 2e-3, 1e-6)
+        assert slope.crossed < 20 and abs(slope.adjoint - slope.differences) < slope.error + 1e-5 * abs(slope.adjoint)
+
+
+def mixed_light(traced: TracedBundle) -> np.ndarray:
+    """What each ray is worth, by where and how it leaves."""
+    x, _, z = traced.exits.directions.T
+    return traced.exits.flux * traced.exits.left_lens * (x + z**2 + 0.05 * traced.exits.points[:, 0])
+
+
+LED = PlacedSource(PlanarEmitter(Disc(1.0), CosinePower(1.5)), Pose.of_tilts((0.3, 2.0, 0.05), (6.0, 0.0)))
+
+
+@pytest.mark.parametrize("name", ["cap", "side"])
+def test_light_that_changes_its_first_face_is_in_the_slope(name: str) -> None:
+    """By the light of those rays alone; the error is that of counting them."""
+    rays = LED.sample(2**17, 5)
+    ends = [scaled(name, 1.0 + sign * 0.01) for sign in (1.0, -1.0)]
+    once = replace(SCENE, chain=replace(CHAIN, events=1))
+    first, other = (TracedBundle.of(tables, once, rays).met[:, 0] for tables in ends)
+    crossing = rays.take(first != other)
+    more, less = (mixed_light(TracedBundle.of(tables, SCENE, crossing)) for tables in ends)
+    gradients = crease_gradients(tables_of(FACES), SCENE, LED, mixed_light, 2**12, 3)
+    change = (more - less) / 0.02
+    error = float(np.sqrt((change**2).sum()))
+    assert len(crossing) > 400
+    assert abs((gradients * (ends[0] - ends[1]) / 0.02).sum() - change.sum()) < 3.0 * error < abs(change.sum())
+
+
+def test_light_that_changes_a_later_face_is_in_the_slope() -> None:
+    """Between wall and exit, as the wall moves."""
+    rays = LED.sample(2**18, 7)
+    ends = [scaled("wall", 1.0 + sign * 0.01) for sign in (1.0, -1.0)]
+    twice = replace(SCENE, chain=replace(CHAIN, events=2))
+    met, other = (TracedBundle.of(tables, twice, rays).met[:, 1] >> 2 for tables in ends)
+    crossing = rays.take((met != other) & (met >= 2) & (other >= 2))
+    more, less = (mixed_light(TracedBundle.of(tables, SCENE, crossing)) for tables in ends)
+    gradients = later_crease_gradients(tables_of(FACES), SCENE, LED, mixed_light, 2**9, 64, 1)
+    change = (more - less) / 0.02
+    error = float(np.sqrt((change**2).sum()))
+    assert len(crossing) > 100
+    assert abs((gradients * (ends[0] - ends[1]) / 0.02).sum() - change.sum()) < 3.0 * error < abs(change.sum())
