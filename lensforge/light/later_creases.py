@@ -227,7 +227,7 @@ class _Lines:
         return self.points + self.paths[:, None] * self.directions
 
     @staticmethod
-    def of(traced: TracedBundle, event: _Numbers, rows: _Numbers) -> "_Lines":
+    def of(traced: TracedBundle, event: _Numbers, rows: Int[np.ndarray, " r"]) -> "_Lines":
         """Follow some rays of a bundle, each to its event."""
         assert traced.met is not None and traced.scene.chain is not None
         event = event[rows]
