@@ -417,9 +417,7 @@ def _about_section(arcs: Sequence[Arc]) -> Boundary[Surface]:
     edge = SectionEdge()
     middle = len(arcs) // 2
     outward = arcs[middle:]
-    corners = [
-        SectionCrease(arcs[middle - k].low_rad, arcs[middle + k].high_rad, edge) for k in range(middle)
-    ]
+    corners = [SectionCrease(arcs[middle - k].low_rad, arcs[middle + k].high_rad, edge) for k in range(middle)]
     ends = zip([None, *corners], [*corners, None], strict=True)
     domains = [Domain(inside, outside, edge) for inside, outside in ends]
     return Boundary(

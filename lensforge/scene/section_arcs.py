@@ -36,6 +36,15 @@ class Arc:
         return (angles_rad >= self.low_rad) & (angles_rad <= self.high_rad)
 
 
+def points_along(arcs: Sequence[Arc], angles_rad: _Angles) -> Float[np.ndarray, "n 2"]:
+    """Points (x, z) in mm of the section of a medium at angles from z."""
+    points = np.empty((len(angles_rad), 2))
+    for arc in arcs:
+        here = arc.holds(angles_rad)
+        points[here] = arc.face.points(angles_rad[here])
+    return points
+
+
 def arcs_of(faces: Sequence[tuple[str, DrawnFace]]) -> tuple[Arc, ...]:
     """The arcs of the faces that bound one medium, from -x to +x.
 

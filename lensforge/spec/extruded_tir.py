@@ -34,9 +34,12 @@ class ExtrudedTirSection(DrawnShape):
     radius_about_axis = True
     kind: Literal["extruded_tir"] = "extruded_tir"
     cap: FaceSection = Field(default_factory=FaceSection, description="Face of the cavity over the source.")
-    side: FaceSection = Field(default_factory=FaceSection, description="Face of the cavity on both sides of the source.")
+    side: FaceSection = Field(
+        default_factory=FaceSection, description="Face of the cavity on both sides of the source."
+    )
     wall: FaceSection = Field(
-        default_factory=FaceSection, description="Face on both sides of the cavity, which reflects totally, or by a mirror."
+        default_factory=FaceSection,
+        description="Face on both sides of the cavity, which reflects totally, or by a mirror.",
     )
     exit: FaceSection = Field(default_factory=FaceSection, description="Face towards the light that is wanted.")
     profile: Annotated[int, Field(ge=4 * LEAST_COEFFICIENTS, le=64)] = Field(

@@ -11,7 +11,7 @@ sums over the angle. The left half is that of the mirrored light.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
@@ -170,7 +170,7 @@ class DrawnCollimator:
 
     def share(self, light: Light) -> float:
         """Share of a Lambertian source that goes to where it is wanted, at first order in its width."""
-        within = _ANGLES <= 0.5 * np.pi
+        within = 0.5 * np.pi >= _ANGLES
         angles = _ANGLES[within]
         total = 0.0
         for half in self.halves:

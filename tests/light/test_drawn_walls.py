@@ -53,9 +53,7 @@ def crooked() -> dict[str, DrawnPart]:
         for half in (right, left)
     )
     low = angles < 1.2
-    cap = tuple(
-        height * ways[low] * (INDEX - 1.0) / (INDEX * ways[low, 1:] - 1.0 + 0.3) for height in (3.1, 3.1)
-    )
+    cap = tuple(height * ways[low] * (INDEX - 1.0) / (INDEX * ways[low, 1:] - 1.0 + 0.3) for height in (3.1, 3.1))
     slant = tuple(ways[low] * 6.9 / (ways[low, 1:] + tilt * ways[low, :1]) for tilt in (0.05, -0.05))
     return {"cap": both(cap, 6.0), "side": both(side, 6.0), "wall": both((wall[0], wall[1]), reach),
             "exit": both(slant, reach)}  # fmt: skip
