@@ -115,8 +115,8 @@ class SectionEdge:
         return self.half_width, 1.0
 
 
-@dataclass(frozen=True)
-class SectionCrease:
+@dataclass(frozen=True, eq=False)
+class SectionCrease(Crease):
     """The creases of two faces that are drawn along y, ``low_rad`` (below 0) and ``high_rad`` from z in their section.
 
     On the chart it is one curve, on each side of x = 0 up to the ``edge`` of the band, and then that edge.
@@ -139,11 +139,7 @@ class SectionCrease:
         """Azimuths at which it is sampled: those of the section."""
         return np.array([0.0, np.pi])
 
-    def chart(self, azimuths: _Values) -> Float[np.ndarray, "n 2"]:
-        """Its chart points."""
-        return _on_chart(azimuths, self.radius(azimuths))
-
-    @property
+    @cached_property
     def extent(self) -> tuple[float, float]:
         """Least and largest distance from the chart's centre."""
         at = np.abs(np.tan([0.5 * self.low_rad, 0.5 * self.high_rad]))
@@ -157,17 +153,17 @@ class Domain:
     None: from the axis, or to the rim. ``section``: edge of a band, within which all counts.
     """
 
-    inside: Crease | SectionCrease | None = None
-    outside: Crease | SectionCrease | None = None
+    inside: Crease | None = None
+    outside: Crease | None = None
     section: SectionEdge | None = None
 
     @property
-    def edges(self) -> tuple[Crease | SectionCrease | SectionEdge, ...]:
+    def edges(self) -> tuple[Crease | SectionEdge, ...]:
         """The creases at which it begins and ends, or the edge of its band."""
         return tuple(edge for edge in (self.inside, self.outer_edge) if edge is not None)
 
     @property
-    def outer_edge(self) -> Crease | SectionCrease | SectionEdge | None:
+    def outer_edge(self) -> Crease | SectionEdge | None:
         """Its edge outwards; None for the rim."""
         return self.section if self.outside is None else self.outside
 
@@ -280,7 +276,7 @@ class Boundary(Generic[Shape]):
         return self.faces[0].domain.section
 
     @property
-    def creases(self) -> tuple[Crease | SectionCrease, ...]:
+    def creases(self) -> tuple[Crease, ...]:
         """Creases between each face and the next, from the axis on."""
         return tuple(face.domain.outside for face in self.faces if face.domain.outside is not None)
 
@@ -338,8 +334,7 @@ def sharpest_edges(boundary: Boundary[Shape]) -> Iterator[SharpestEdge]:
         around = inner.is_open and not inner.is_ring  # the body is on the other side of its opening
         angles = np.degrees(np.arccos(np.clip(turned if around else -turned, -1.0, 1.0)))
         least = int(np.argmin(angles))
-        (direction,) = to_sphere(chart[[least]])
-        point = inner.shape.radius(direction[None]) * direction
+        (point,) = crease.points(crease.azimuths[[least]])
         yield SharpestEdge((inner.name, outer.name), float(angles[least]), point)
 
 
@@ -417,7 +412,10 @@ def _about_section(arcs: Sequence[Arc]) -> Boundary[Surface]:
     edge = SectionEdge()
     middle = len(arcs) // 2
     outward = arcs[middle:]
-    corners = [SectionCrease(arcs[middle - k].low_rad, arcs[middle + k].high_rad, edge) for k in range(middle)]
+    corners = [
+        SectionCrease(inner.face, outer.face, None, left.low_rad, inner.high_rad, edge)
+        for left, (inner, outer) in zip(arcs[middle::-1], pairwise(outward), strict=False)
+    ]
     ends = zip([None, *corners], [*corners, None], strict=True)
     domains = [Domain(inside, outside, edge) for inside, outside in ends]
     return Boundary(

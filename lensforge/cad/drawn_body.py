@@ -1,8 +1,8 @@
 """The body of a linear lens: the section between its profiles, extruded along y, as solid and as mesh.
 
-An arc of a profile is a spline through its points over the angle from z, of as many nodes as its tolerance needs; the optical
-faces of the solid are its surfaces of linear extrusion, exact along y. The body stands on two strips in z = 0. In the
-mesh the profiles are polygons, and no vertex lies between the ends.
+An arc of a profile is a spline through its points over the angle from z, of as many nodes as its tolerance needs; the
+optical faces of the solid are its surfaces of linear extrusion, exact along y. The body stands on two strips in z = 0.
+In the mesh the profiles are polygons, and no vertex lies between the ends.
 """
 
 from collections.abc import Mapping, Sequence

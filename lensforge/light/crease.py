@@ -19,6 +19,7 @@ rim; and rays that only just touch a face.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -192,8 +193,8 @@ class OnFaces:
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
         """Select points by row."""
-        kept = ((field.name, getattr(self, field.name)) for field in fields(self))
-        return OnFaces(**{name: values if values is None else values[rows] for name, values in kept})
+        kept: Any = (getattr(self, field.name) for field in fields(self))
+        return OnFaces(*(None if values is None else values[rows] for values in kept))
 
     def drawn(self, along_mm: Float[np.ndarray, "m p"]) -> "OnFaces":
         """Each point of a section, at several places along y."""

@@ -35,6 +35,20 @@ class Arc:
         """Mask of the angles within it."""
         return (angles_rad >= self.low_rad) & (angles_rad <= self.high_rad)
 
+    @property
+    def side(self) -> int:
+        """Sign of x on it; 0 for one that has both sides of the axis."""
+        return int(np.sign(self.low_rad) + np.sign(self.high_rad)) // 2
+
+
+def numbered(arcs: Sequence[Arc]) -> dict[str, Arc]:
+    """Arcs by the names of their faces, with a number where a face has several."""
+    names = [arc.name for arc in arcs]
+    return {
+        name if names.count(name) == 1 else f"{name}_{names[: number + 1].count(name)}": arc
+        for number, (name, arc) in enumerate(zip(names, arcs, strict=True))
+    }
+
 
 def points_along(arcs: Sequence[Arc], angles_rad: _Angles) -> Float[np.ndarray, "n 2"]:
     """Points (x, z) in mm of the section of a medium at angles from z."""
@@ -72,4 +86,4 @@ def arcs_of(faces: Sequence[tuple[str, DrawnFace]]) -> tuple[Arc, ...]:
             "out"
         )
     spans = pairwise([*corners, 0.5 * np.pi])
-    return tuple(Arc(*faces[number], *span) for number, span in zip(numbers, spans, strict=True))
+    return tuple(Arc(*faces[number], low, high) for number, (low, high) in zip(numbers, spans, strict=True))

@@ -124,7 +124,7 @@ class DrawnPart(DrawnFace):
 
     @staticmethod
     def through(points: Float[np.ndarray, "n 2"], reach_mm: float, count: int) -> "DrawnPart":
-        """The nearest profile to ``points`` (x, z), in S; far away where there are none, but straight on at the feet."""
+        """The nearest profile to ``points`` (x, z), in S; far away without any, but straight on at the feet."""
         distances = np.hypot(points[:, 0], points[:, 1])
         functions = profile_basis(count).matrix(np.arctan2(points[:, 0], points[:, 1]) / np.pi)
         bends = _STRAIGHT * np.diff(np.eye(count), 2, axis=0)[[*range(DEGREE), *range(-DEGREE, 0)]]
