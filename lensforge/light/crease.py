@@ -193,8 +193,8 @@ class OnFaces:
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
         """Select points by row."""
-        kept: Any = (getattr(self, field.name) for field in fields(self))
-        return OnFaces(*(None if values is None else values[rows] for values in kept))
+        kept: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{name: values[rows] for name, values in kept.items() if values is not None})
 
     def drawn(self, along_mm: Float[np.ndarray, "m p"]) -> "OnFaces":
         """Each point of a section, at several places along y."""

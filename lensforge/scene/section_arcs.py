@@ -86,4 +86,5 @@ def arcs_of(faces: Sequence[tuple[str, DrawnFace]]) -> tuple[Arc, ...]:
             "out"
         )
     spans = pairwise([*corners, 0.5 * np.pi])
-    return tuple(Arc(*faces[number], low, high) for number, (low, high) in zip(numbers, spans, strict=True))
+    bounding = (faces[number] for number in numbers)
+    return tuple(Arc(name, face, low, high) for (name, face), (low, high) in zip(bounding, spans, strict=True))
