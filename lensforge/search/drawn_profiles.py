@@ -15,7 +15,7 @@ from lensforge.search.parameters import Parametrisation
 from lensforge.search.start_faces import start_faces
 from lensforge.spec import Spec
 from lensforge.surfaces.bicubic_table import TableGrid, grid_for
-from lensforge.surfaces.drawn_profile import DrawnFace, in_half_turns
+from lensforge.surfaces.drawn_profile import DrawnFace, DrawnPart, beside_section, in_half_turns
 from lensforge.surfaces.mirror_group import contains
 from lensforge.surfaces.reciprocal import bent
 from lensforge.surfaces.surface import Surface
@@ -84,7 +84,9 @@ class DrawnParameters(Parametrisation):
 
     @cached_property
     def _functions(self) -> Float[Tensor, "n k"]:
-        shadow, angle = in_half_turns(self.grid.sample_directions())
+        directions = self.grid.sample_directions()
+        is_part = isinstance(self.start_faces[0], DrawnPart)
+        shadow, angle = in_half_turns(beside_section(directions) if is_part else directions)
         return torch.from_numpy(shadow[:, None] * self.start_faces[0].basis.matrix(angle))
 
     @cached_property

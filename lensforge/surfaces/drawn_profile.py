@@ -15,7 +15,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.surfaces.profile import DEGREE, ProfileBasis, Reciprocals
 from lensforge.surfaces.reciprocal import ReciprocalSurface
-from lensforge.surfaces.surface import recorded
+from lensforge.surfaces.surface import gradient_on_sphere, recorded, to_chart, to_sphere
 
 _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
@@ -25,6 +25,7 @@ _SIDES = 2001  # angles at which profiles are compared
 _DETAIL = 0.7  # of a step between knots: sigma of a Gaussian as wide as a quintic B-spline
 _FIT_RCOND = 1e-7  # of the functions of a part: those that no point knows have small coefficients
 _STRAIGHT = 1e-4  # weight of a fit's bends beyond its points
+_BESIDE = 0.25  # of the chart: no farther from the section is a part looked at
 _TINY = np.finfo(float).tiny
 
 
@@ -42,6 +43,21 @@ def in_half_turns(directions: _Vectors) -> tuple[_Values, _Values]:
 def in_section(angles_rad: _Values) -> _Vectors:
     """Unit directions in the plane y = 0 at these angles from z, positive towards +x."""
     return np.column_stack([np.sin(angles_rad), np.zeros_like(angles_rad), np.cos(angles_rad)])
+
+
+def beside_section(directions: _Vectors) -> _Vectors:
+    """Directions of which those beside the plane y = 0 are nearer to it: those on it, and all derivatives up to the
+    second, are the same.
+
+    A profile that comes near the y axis goes up steeply towards its poles, where no ray asks for it.
+    """
+    chart = to_chart(directions)
+    return to_sphere(np.column_stack([chart[:, 0], _BESIDE * np.tanh(chart[:, 1] / _BESIDE)]))
+
+
+def _scale(chart: Float[np.ndarray, "n 2"]) -> _Values:
+    """Length on the sphere for a unit of the chart."""
+    return 2.0 / (1.0 + np.sum(chart**2, axis=1))
 
 
 @recorded("extruded", "A face drawn along y: the reciprocal distance (1/mm) from the y axis as a spline of the angle.")
@@ -142,6 +158,23 @@ class DrawnPart(DrawnFace):
         radii = self.radius(in_section(angles))
         curvature = float(np.abs(np.diff(radii, 2)).max()) / step**2
         return min(super().detail_rad, float(np.sqrt(2.0 * np.ptp(radii) / max(curvature, _TINY))))
+
+    def radius(self, directions: _Vectors) -> _Values:
+        """``rho`` (mm) at unit ``directions``, taken :func:`beside_section`."""
+        return super().radius(beside_section(directions))
+
+    def gradient(self, directions: _Vectors) -> _Vectors:
+        """Tangential gradient of ``rho`` on the unit sphere (mm/rad)."""
+        beside = beside_section(directions)
+        chart, there = to_chart(directions), to_chart(beside)
+        gradient = super().gradient(beside)
+        away = np.zeros(len(there)), np.ones(len(there))
+        along_x, along_y = (
+            _scale(there)[:, None] * (np.column_stack([*unit, -there[:, axis]]) - there[:, [axis]] * beside)
+            for axis, unit in enumerate((away[::-1], away))
+        )
+        slopes = np.column_stack([(gradient * along_x).sum(axis=1), (gradient * along_y).sum(axis=1)])
+        return gradient_on_sphere(chart, slopes * np.column_stack([away[1], np.cosh(chart[:, 1] / _BESIDE) ** -2.0]))
 
     def _require_closed(self) -> None:
         pass
