@@ -223,12 +223,12 @@ def _turned(mesh: BodyMesh) -> tuple[Any, ...]:
     return mesh.vertices, mesh.triangles[:, ::-1], mesh.face, mesh.names, mesh.rings
 
 
-def _joined(polygons: Sequence[_Points]) -> _Points:
+def _joined(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> _Points:
     """The points of arcs one after another, each corner once."""
     return np.concatenate([polygons[0], *(polygon[1:] for polygon in polygons[1:])])
 
 
-def _strips(side: _Side, polygons: Sequence[_Points]) -> list[str]:
+def _strips(side: _Side, polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> list[str]:
     """Name of the face of each side of a polygon."""
     pieces = zip(side.arcs, polygons, strict=True)
     return [optical_name(arc.name) for arc, polygon in pieces for _ in polygon[1:]]
