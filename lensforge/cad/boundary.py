@@ -22,7 +22,7 @@ from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE
 from lensforge.results.refined_maximum import Places, in_disc
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens
-from lensforge.scene.section_arcs import Arc
+from lensforge.scene.section_arcs import FaceArc
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
 _AZIMUTHS = 360  # of the directions in which faces are compared
@@ -407,7 +407,7 @@ def lens_boundaries(lens: Lens) -> Pair[Surface]:
     return _about_section(lens.body.arcs(CAVITY)), _about_section(lens.body.arcs(BODY))
 
 
-def _about_section(arcs: Sequence[Arc]) -> Boundary[Surface]:
+def _about_section(arcs: Sequence[FaceArc]) -> Boundary[Surface]:
     """The boundary of faces that are drawn along y, from the middle arc on, each with the arcs on both sides."""
     edge = SectionEdge()
     middle = len(arcs) // 2

@@ -30,7 +30,7 @@ from lensforge.cad.plan import RIM
 from lensforge.cad.solid import Solid, uniquely_named
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
-from lensforge.scene.section_arcs import Arc, points_along
+from lensforge.scene.section_arcs import FaceArc, points_along
 from lensforge.surfaces.drawn_profile import DrawnFace
 
 END_FACE = "END"
@@ -53,7 +53,7 @@ class DrawnBody:
     lens; mesh and solid; ``chord_mm``: of the facets.
     """
 
-    arcs: Mapping[str, Arc]
+    arcs: Mapping[str, FaceArc]
     nodes: Mapping[str, int]
     mesh: BodyMesh
     chord_mm: float
@@ -67,8 +67,8 @@ class DrawnBody:
 
 
 def drawn_body(
-    cavity: Sequence[Arc],
-    envelope: Sequence[Arc],
+    cavity: Sequence[FaceArc],
+    envelope: Sequence[FaceArc],
     length_mm: float,
     tolerance: FaceTolerance,
     nodes: int | None = None,
@@ -96,7 +96,7 @@ def drawn_body(
     return DrawnBody(labels, counts, mesh, chord_mm, _solid(sides, splines, length_mm))
 
 
-def _names(arcs: Sequence[Arc]) -> list[str]:
+def _names(arcs: Sequence[FaceArc]) -> list[str]:
     return list(dict.fromkeys(arc.name for arc in arcs))
 
 
@@ -104,11 +104,11 @@ def _names(arcs: Sequence[Arc]) -> list[str]:
 class _Side:
     """One side of the section: its arcs, and their corners (x, z) from foot to foot, which lie in z = 0."""
 
-    arcs: tuple[Arc, ...]
+    arcs: tuple[FaceArc, ...]
     corners: _Points
 
     @staticmethod
-    def of(arcs: Sequence[Arc]) -> "_Side":
+    def of(arcs: Sequence[FaceArc]) -> "_Side":
         """The side of these arcs."""
         corners = np.concatenate([arc.face.points(np.array([arc.low_rad])) for arc in arcs])
         last = arcs[-1]

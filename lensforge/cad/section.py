@@ -15,7 +15,7 @@ from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, Plan, base_corners, rim_directions
 from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.scene.lens import Lens
-from lensforge.scene.section_arcs import Arc
+from lensforge.scene.section_arcs import FaceArc
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
 
@@ -52,7 +52,7 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *_cut_feet(base, azimuth_deg)]
 
 
-def _drawn_curve(arcs: Sequence[Arc], across: Float[np.ndarray, "3"], length_mm: float) -> Curve:
+def _drawn_curve(arcs: Sequence[FaceArc], across: Float[np.ndarray, "3"], length_mm: float) -> Curve:
     """The faces that are drawn along y and bound a medium, in the plane through z and ``across``, from end to end."""
     polar = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _DRAWN_ANGLES)
     if abs(across[0]) > _ALONG:

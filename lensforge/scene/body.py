@@ -18,7 +18,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.face_records import FaceMedia
 from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, MEDIA, MOST_EVENTS, OPENING, SHELL, FaceRole, FaceSides
 from lensforge.optics.media import Media, Mirror
-from lensforge.scene.section_arcs import Arc, arcs_of
+from lensforge.scene.section_arcs import FaceArc, arcs_of
 from lensforge.spec.lens_section import LensShape
 from lensforge.surfaces.drawn_profile import DrawnFace, in_section
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -135,7 +135,7 @@ class Body:
         """True where all faces are profiles drawn along y."""
         return all(isinstance(face.surface, DrawnFace) for face in self.faces)
 
-    def arcs(self, medium: str) -> tuple[Arc, ...]:
+    def arcs(self, medium: str) -> tuple[FaceArc, ...]:
         """The faces of a linear lens that bound ``medium``, along its section from -x to +x."""
         faces = ((face.name, face.surface) for face in self.bounding(medium))
         return arcs_of([(name, surface) for name, surface in faces if isinstance(surface, DrawnFace)])

@@ -19,7 +19,7 @@ _Angles = Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True)
-class Arc:
+class FaceArc:
     """A face over the angles (rad) from z, positive towards +x, at which it bounds its medium."""
 
     name: str
@@ -41,7 +41,7 @@ class Arc:
         return int(np.sign(self.low_rad) + np.sign(self.high_rad)) // 2
 
 
-def numbered(arcs: Sequence[Arc]) -> dict[str, Arc]:
+def numbered(arcs: Sequence[FaceArc]) -> dict[str, FaceArc]:
     """Arcs by the names of their faces, with a number where a face has several."""
     names = [arc.name for arc in arcs]
     return {
@@ -50,7 +50,7 @@ def numbered(arcs: Sequence[Arc]) -> dict[str, Arc]:
     }
 
 
-def points_along(arcs: Sequence[Arc], angles_rad: _Angles) -> Float[np.ndarray, "n 2"]:
+def points_along(arcs: Sequence[FaceArc], angles_rad: _Angles) -> Float[np.ndarray, "n 2"]:
     """Points (x, z) in mm of the section of a medium at angles from z."""
     points = np.empty((len(angles_rad), 2))
     for arc in arcs:
@@ -59,7 +59,7 @@ def points_along(arcs: Sequence[Arc], angles_rad: _Angles) -> Float[np.ndarray, 
     return points
 
 
-def arcs_of(faces: Sequence[tuple[str, DrawnFace]]) -> tuple[Arc, ...]:
+def arcs_of(faces: Sequence[tuple[str, DrawnFace]]) -> tuple[FaceArc, ...]:
     """The arcs of the faces that bound one medium, from -x to +x.
 
     Raises :class:`InputError` for a face that is nowhere the nearest.
@@ -87,4 +87,4 @@ def arcs_of(faces: Sequence[tuple[str, DrawnFace]]) -> tuple[Arc, ...]:
         )
     spans = pairwise([*corners, 0.5 * np.pi])
     bounding = (faces[number] for number in numbers)
-    return tuple(Arc(name, face, low, high) for (name, face), (low, high) in zip(bounding, spans, strict=True))
+    return tuple(FaceArc(name, face, low, high) for (name, face), (low, high) in zip(bounding, spans, strict=True))

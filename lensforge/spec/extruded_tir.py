@@ -6,14 +6,13 @@ import numpy as np
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import MOST_EVENTS
+from lensforge.optics.face_roles import BODY, CAVITY, MOST_EVENTS, OUTSIDE, FaceRole
 from lensforge.public import public
 from lensforge.spec.drawn_shape import DrawnShape
 from lensforge.spec.face_section import FaceSection
-from lensforge.spec.internal_reflection import TirSection
 from lensforge.spec.lens_section import LightAcross, StartConditions
 from lensforge.spec.spec_section import check
-from lensforge.surfaces.drawn_collimator import Light, Room, best_drawn_collimator
+from lensforge.surfaces.drawn_collimator import SectionRoom, WantedLight, best_drawn_collimator
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.surface import Surface
 
@@ -22,14 +21,18 @@ _NARROWEST = 1e-3  # half width (sine) of a beam
 
 @public
 class ExtrudedTirSection(DrawnShape):
-    """A linear lens with walls: the cap and side of its cavity, walls that reflect totally, and the exit, drawn along
-    y.
+    """A linear lens with walls: cap and side of its cavity, walls that reflect totally, and the exit, drawn along y.
 
     The search shapes all profiles, each side of them apart. They begin as the section of the lens for a point source
     that the size of the LED, the radius and the beam require.
     """
 
-    roles = TirSection.roles
+    roles = (
+        FaceRole("cap", CAVITY, BODY, on_axis=True),
+        FaceRole("side", CAVITY, BODY),
+        FaceRole("wall", BODY, OUTSIDE, reflects=True, widens=True, is_placed=True),
+        FaceRole("exit", BODY, OUTSIDE, on_axis=True, is_placed=True),
+    )
     title = "linear lens for total internal reflection"
     radius_about_axis = True
     kind: Literal["extruded_tir"] = "extruded_tir"
@@ -67,14 +70,14 @@ class ExtrudedTirSection(DrawnShape):
         """
         limits = conditions.limits
         margin_mm = 2.0 * limits.margin_mm
-        room = Room(
+        room = SectionRoom(
             limits.rim_radius_mm,
             limits.tallest_mm - margin_mm,
             limits.min_thickness_mm + margin_mm,
             max(conditions.clear_mm, limits.cavity_height_mm) + margin_mm,
         )
         across = conditions.across() if conditions.across is not None else LightAcross(np.zeros(2), np.arange(2.0))
-        light = Light(across.turned, conditions.side_mm, _half_sine(across))
+        light = WantedLight(across.turned, conditions.side_mm, _half_sine(across))
         try:
             best = best_drawn_collimator(self.refractive_index / self.cavity_index, light, room)
         except InputError as error:

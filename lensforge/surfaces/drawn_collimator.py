@@ -37,7 +37,7 @@ _Points = Float[np.ndarray, "n 2"]
 Turned = Callable[[_Angles], _Angles]  # wanted angles (rad) from z by those at which light leaves the source
 
 
-class Room(NamedTuple):
+class SectionRoom(NamedTuple):
     """Lengths (mm) that a section is to keep: half width, height, least wall, and half width clear of the source."""
 
     half_mm: float
@@ -46,7 +46,7 @@ class Room(NamedTuple):
     clear_mm: float
 
 
-class Light(NamedTuple):
+class WantedLight(NamedTuple):
     """Light to be sent: wanted angles, width (mm) of the source, and half width (sine) of all that is wanted."""
 
     turned: Turned
@@ -120,7 +120,7 @@ class HalfSection:
 
 
 class _WallSums(NamedTuple):
-    """Where light meets the side, its ways behind it, and growth and addition by which its length to the wall runs."""
+    """Points where light meets the side, its ways behind it, and growth and addition of its length to the wall."""
 
     starts: _Points
     ways: _Points
@@ -139,7 +139,7 @@ class DrawnCollimator:
     """A section of two ``halves``, right and left, below a plane exit. Raises :class:`InputError` for no ``room``."""
 
     halves: tuple[HalfSection, HalfSection]
-    room: Room
+    room: SectionRoom
 
     def __post_init__(self) -> None:
         walls = [half.wall(self.height_mm) for half in self.halves]
@@ -168,7 +168,7 @@ class DrawnCollimator:
         """Height of the exit, at which both walls are within the half width."""
         return min(half.highest_mm(self.room.half_mm) for half in self.halves)
 
-    def share(self, light: Light) -> float:
+    def share(self, light: WantedLight) -> float:
         """Share of a Lambertian source that goes to where it is wanted, at first order in its width."""
         within = 0.5 * np.pi >= _ANGLES
         angles = _ANGLES[within]
@@ -196,7 +196,9 @@ class DrawnCollimator:
             yield name, DrawnPart.through(points[near], reach_mm, count)
 
 
-def best_drawn_collimator(index: float, light: Light, room: Room, draft_rad: float = 0.035) -> DrawnCollimator:
+def best_drawn_collimator(
+    index: float, light: WantedLight, room: SectionRoom, draft_rad: float = 0.035
+) -> DrawnCollimator:
     """The section that sends the most light to where it is wanted, at first order.
 
     Width of the cavity and height of its cap are found by a scan. Raises :class:`InputError` if none has ``room``.

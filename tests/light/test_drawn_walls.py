@@ -1,5 +1,6 @@
 """A linear lens with reflecting walls: its light by a tracer of the section, by the reference, and what it keeps."""
 
+from collections import Counter
 from dataclasses import replace
 from math import inf
 
@@ -8,6 +9,7 @@ import pytest
 import torch
 from chains import MixedLight
 from landed import by_kernels, in_torch, on_device
+from section_tracer import Section
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.crease import crease_gradients
@@ -88,6 +90,36 @@ def test_the_reference_tracer_agrees(half_mm: float) -> None:
     assert torch.allclose(reference.carried, kernels.carried, rtol=1e-10, atol=0.0)
     assert torch.allclose(reference.hits, kernels.hits, rtol=1e-7, atol=1e-7)
     assert half_mm == inf or bool((kernels.fates == int(Fate.FLANGE)).any())
+
+
+def test_light_is_that_of_polygons_in_the_plane() -> None:
+    """The faces that each ray meets, where it leaves, and its direction; of some rays the sides of polygons err."""
+    rays = led(250, 3)
+    traced = TracedBundle.of(tables_of(FACES), SCENE, rays)
+    section = Section({name: face.coefficients for name, face in FACES.items()}, INDEX)
+    ways = Counter[tuple[str, ...]]()
+    differing = 0
+    for k in range(len(rays)):
+        ended = section.trace(rays.origins[k], rays.directions[k], CHAIN.events)
+        met = tuple(CHAIN.names[code >> 2] for code in traced.met[k] if code >= 0)
+        left = traced.exits.fates[k] == Fate.LEFT_LENS
+        if (met, left) != (ended.met, ended.point is not None):
+            differing += 1
+            continue
+        ways[met] += 1
+        if left:
+            assert traced.exits.directions[k] == pytest.approx(ended.direction, abs=1e-3)
+            assert traced.exits.points[k] == pytest.approx(ended.point, abs=2e-3)
+            assert traced.exits.directions[k, 1] == pytest.approx(rays.directions[k, 1], abs=1e-13), "kept along y"
+    assert differing <= 3 and ways["side", "wall", "exit"] > 40 and ways["cap", "exit"] > 40
+
+
+def test_every_ray_ends_and_no_light_is_won() -> None:
+    rays = led(20_000, 9, spread=3.0)
+    for half_mm in (inf, 40.0):
+        exits = TracedBundle.of(tables_of(FACES), replace(SCENE, drawn_half_mm=half_mm), rays).exits
+        assert not np.isin(exits.fates, [Fate.NOT_CONVERGED, Fate.SURFACES_INTERSECT]).any()
+        assert (exits.flux <= rays.flux).all() and exits.flux[exits.left_lens].sum() > 0.4 * rays.flux.sum()
 
 
 def scaled(name: str, factor: float) -> np.ndarray:
