@@ -87,6 +87,11 @@ class HalfSection:
         """Number of the first angle at which the side is nearer than the cap."""
         return int(np.argmax(self.side <= self.cap))
 
+    @property
+    def first_of_wall(self) -> int:
+        """Number of the angle from which on the wall is told, a little above its rim."""
+        return max(0, self.crease - int(BEYOND_RAD / _ANGLES[1]))
+
     @cached_property
     def _wall(self) -> "_WallSums":
         """The wall by sums; its light is turned no farther than it reflects totally."""
@@ -187,7 +192,7 @@ class DrawnCollimator:
         parts = {
             "cap": (inner_mm, [half.cap[:, None] * towards(_ANGLES) for half in self.halves]),
             "side": (inner_mm, [half.side[:, None] * towards(_ANGLES) for half in self.halves]),
-            "wall": (outer_mm, [half.wall(self.height_mm) for half in self.halves]),
+            "wall": (outer_mm, [half.wall(self.height_mm)[half.first_of_wall :] for half in self.halves]),
             "exit": (outer_mm, [level[:, None] * towards(_ANGLES[:-1])] * 2),
         }
         for name, (reach_mm, halves) in parts.items():

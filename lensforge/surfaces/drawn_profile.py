@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.surfaces.profile import DEGREE, ProfileBasis, Reciprocals
+from lensforge.surfaces.profile import ProfileBasis, Reciprocals
 from lensforge.surfaces.reciprocal import ReciprocalSurface
 from lensforge.surfaces.surface import gradient_on_sphere, recorded, to_chart, to_sphere
 
@@ -23,8 +23,8 @@ _Values = Float[np.ndarray, " n"]
 BEYOND_RAD = 0.15  # below the plane z = 0 up to which a profile bends: tables and exports reach a little below it
 _SIDES = 2001  # angles at which profiles are compared
 _DETAIL = 0.7  # of a step between knots: sigma of a Gaussian as wide as a quintic B-spline
-_FIT_RCOND = 1e-7  # of the functions of a part: those that no point knows have small coefficients
-_STRAIGHT = 1e-4  # weight of a fit's bends beyond its points
+_FAR = 1e-4  # weight, in a fit, of places without points
+_STRAIGHT = 3e-3  # and of third differences, by which a profile goes on beyond its ends
 _BESIDE = 0.25  # of the chart: no farther from the section is a part looked at
 _TINY = np.finfo(float).tiny
 
@@ -140,13 +140,17 @@ class DrawnPart(DrawnFace):
 
     @staticmethod
     def through(points: Float[np.ndarray, "n 2"], reach_mm: float, count: int) -> "DrawnPart":
-        """The nearest profile to ``points`` (x, z), in S; far away without any, but straight on at the feet."""
-        distances = np.hypot(points[:, 0], points[:, 1])
-        functions = profile_basis(count).matrix(np.arctan2(points[:, 0], points[:, 1]) / np.pi)
-        bends = _STRAIGHT * np.diff(np.eye(count), 2, axis=0)[[*range(DEGREE), *range(-DEGREE, 0)]]
-        rows = np.concatenate([functions, bends])
-        wanted = np.concatenate([1.0 / distances, np.zeros(len(bends))])
-        return DrawnPart(reach_mm, tuple(np.linalg.lstsq(rows, wanted, rcond=_FIT_RCOND)[0].tolist()))
+        """The nearest profile to ``points`` (x, z), in S: far away between distant ones, straight on at its ends."""
+        basis = profile_basis(count)
+        angles = np.arctan2(points[:, 0], points[:, 1]) / np.pi
+        known = np.sort(angles)
+        widest = int(np.argmax(np.diff(known)))
+        low, high = known[widest : widest + 2].tolist()
+        gap = np.linspace(low, high, _SIDES) if high - low > basis.step else known[:0]
+        far = np.concatenate([_FAR * basis.matrix(gap), _STRAIGHT * np.diff(np.eye(count), 3, axis=0)])
+        rows = np.concatenate([basis.matrix(angles), far])
+        wanted = np.concatenate([1.0 / np.hypot(points[:, 0], points[:, 1]), np.zeros(len(far))])
+        return DrawnPart(reach_mm, tuple(np.linalg.lstsq(rows, wanted, rcond=None)[0].tolist()))
 
     @cached_property
     def detail_rad(self) -> float:
