@@ -140,14 +140,14 @@ class DrawnPart(DrawnFace):
 
     @staticmethod
     def through(points: Float[np.ndarray, "n 2"], reach_mm: float, count: int) -> "DrawnPart":
-        """The nearest profile to ``points`` (x, z), in S: far away between distant ones, straight on at its ends."""
+        """The nearest profile to ``points`` (x, z), in S: far away without any, straight on beyond its feet."""
         basis = profile_basis(count)
         angles = np.arctan2(points[:, 0], points[:, 1]) / np.pi
-        known = np.sort(angles)
-        widest = int(np.argmax(np.diff(known)))
-        low, high = known[widest : widest + 2].tolist()
-        gap = np.linspace(low, high, _SIDES) if high - low > basis.step else known[:0]
-        far = np.concatenate([_FAR * basis.matrix(gap), _STRAIGHT * np.diff(np.eye(count), 3, axis=0)])
+        everywhere = np.linspace(basis.low, basis.high, _SIDES)
+        known = np.sort(np.concatenate([angles, everywhere[np.abs(everywhere) > 0.5]]))
+        place = np.clip(np.searchsorted(known, everywhere), 1, len(known) - 1)
+        empty = everywhere[known[place] - known[place - 1] > basis.step]
+        far = np.concatenate([_FAR * basis.matrix(empty), _STRAIGHT * np.diff(np.eye(count), 3, axis=0)])
         rows = np.concatenate([basis.matrix(angles), far])
         wanted = np.concatenate([1.0 / np.hypot(points[:, 0], points[:, 1]), np.zeros(len(far))])
         return DrawnPart(reach_mm, tuple(np.linalg.lstsq(rows, wanted, rcond=None)[0].tolist()))
