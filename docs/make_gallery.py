@@ -46,7 +46,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "Linear lenses": (
         "A profile drawn along a row of LEDs ([linear lenses](beams.md#linear-lenses)).",
-        ("shelf",),
+        ("shelf", "vision_line"),
     ),
     "In the figures of a trade": (
         "What a screen, a simulator, a surgical lamp, curing, a bicycle, a backlight and plants are judged by"

@@ -102,7 +102,7 @@ def test_a_kind_of_lens_of_ones_own_is_read_lit_searched_built_and_proven(
     with pytest.raises(lf.InputError, match=r"well\.shift_mm: this face is what the next is placed against; give mirr"):
         spec.replace({"lens.well.shift_mm": 0.1})
     with pytest.raises(
-        lf.InputError, match=r"lens\.kind = 'dash': must be one of double, extruded, tir, reflector, dish"
+        lf.InputError, match=r"lens\.kind = 'dash': must be one of double, extruded, extruded_tir, tir, reflector, dish"
     ):
         spec.replace({"lens.kind": "dash"})
 
@@ -141,7 +141,7 @@ def test_a_lens_of_two_faces_with_another_start_is_searched_from_there() -> None
 
 
 PACKAGE = Path(lf.__file__).parent
-KINDS = {"double_lens.py", "internal_reflection.py", "reflector.py"}
+KINDS = {"double_lens.py", "internal_reflection.py", "extruded_tir.py", "reflector.py"}
 # Names of the faces of some kinds that nothing else is called.
 WORDS = {"cap", "exit", "cup", "mouth", "tir", "reflector", "double"}
 OF_NUMBERS = {("point_files.py", "double")}  # the type of a column in a PLY file
@@ -157,6 +157,7 @@ def test_nothing_but_its_own_module_and_shape_asks_for_a_kind_of_lens() -> None:
                 importing.add(path.relative_to(PACKAGE).as_posix())
     assert {name for name, _ in asking - OF_NUMBERS} == {
         "collimator.py",
+        "drawn_collimator.py",
         "grooved_collimator.py",
         "reflector_cup.py",
         "lens_section.py",

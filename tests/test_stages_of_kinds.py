@@ -70,6 +70,8 @@ SCENES: dict[str, dict[str, Any]] = {
     "lens reflector": TURNED | {"lens": {"kind": "reflector"}, "base": {"kind": "none"}},
     "lens extruded": {"lens": {"kind": "extruded", "length_mm": 30.0, "profile": 8}, "base": {"kind": "none"}}
     | {"optimise__steps_per_level": [1]},
+    "lens extruded_tir": TURNED
+    | {"lens": {"kind": "extruded_tir", "length_mm": 30.0, "ends": "free"}, "base": {"kind": "none"}},
     "lamps grid": {"lamps": {"kind": "grid", "columns": 2, "rows": 1, "pitch_mm": 40.0}},
     "lamps hexagon": {"lamps": {"kind": "hexagon", "rings": 1, "pitch_mm": 40.0}},
     "lamps ring": {"lamps": {"kind": "ring", "count": 3, "diameter_mm": 60.0}},

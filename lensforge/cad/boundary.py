@@ -18,10 +18,11 @@ from jaxtyping import Bool, Float, Int
 from lensforge.cad.outline import FULL_TURN
 from lensforge.cad.patch import Patch
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import DOUBLE
+from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE
 from lensforge.results.refined_maximum import Places, in_disc
 from lensforge.scene.body import Body, Face
 from lensforge.scene.lens import Lens
+from lensforge.scene.section_arcs import FaceArc
 from lensforge.surfaces.surface import Surface, to_chart, to_sphere
 
 _AZIMUTHS = 360  # of the directions in which faces are compared
@@ -29,6 +30,7 @@ _NEAR_EDGE = 1e-4  # of the chart: many times the error of a tabulated edge
 _STEPS = 181  # of the table of a crease
 _REACH = 1e-3  # relative: a crease of fitted faces is sought this close to that of the exact ones
 _SLOPE_STEP = 1e-5  # of the chart
+_TINY = 1e-12
 _LEAST_SLOPE = 1e-2  # relative to the radius: faces that meet at 0.3 degrees
 
 RIM_CYLINDER = "RIM_CYLINDER"  # where a flange begins: no optical face
@@ -66,6 +68,11 @@ class Crease:
     def tabulated(self, azimuths: _Values) -> _Values:
         """The same by interpolation in its table, less exact, in a fiftieth of the time."""
         return np.asarray(self.table(np.mod(azimuths, FULL_TURN))[:, 0])
+
+    @property
+    def azimuths(self) -> _Values:
+        """Azimuths at which it is sampled."""
+        return _azimuths()
 
     def chart(self, azimuths: _Values) -> Float[np.ndarray, "n 2"]:
         """Its chart points."""
@@ -106,6 +113,37 @@ class SectionEdge:
     def extent(self) -> tuple[float, float]:
         """Least and largest distance from the chart's centre."""
         return self.half_width, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class SectionCrease(Crease):
+    """The creases of two faces that are drawn along y, ``low_rad`` (below 0) and ``high_rad`` from z in their section.
+
+    On the chart it is one curve, on each side of x = 0 up to the ``edge`` of the band, and then that edge.
+    """
+
+    low_rad: float
+    high_rad: float
+    edge: SectionEdge
+
+    def radius(self, azimuths: _Values) -> _Values:
+        """Distance from the chart's centre at azimuths (rad)."""
+        cosine = np.cos(azimuths)
+        steep = np.tan(np.where(cosine > 0.0, self.high_rad, -self.low_rad)) / np.maximum(np.abs(cosine), _TINY)
+        return np.minimum(np.tan(0.5 * np.arctan(steep)), self.edge.radius(azimuths))
+
+    tabulated = radius
+
+    @property
+    def azimuths(self) -> _Values:
+        """Azimuths at which it is sampled: those of the section."""
+        return np.array([0.0, np.pi])
+
+    @cached_property
+    def extent(self) -> tuple[float, float]:
+        """Least and largest distance from the chart's centre."""
+        at = np.abs(np.tan([0.5 * self.low_rad, 0.5 * self.high_rad]))
+        return min(self.edge.half_width, float(at.min())), float(at.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +271,11 @@ class Boundary(Generic[Shape]):
         return np.asarray(radius > self.opening.radius(azimuths))
 
     @property
+    def section(self) -> SectionEdge | None:
+        """Edge of the band about the section of faces that are drawn along y; None for any other."""
+        return self.faces[0].domain.section
+
+    @property
     def creases(self) -> tuple[Crease, ...]:
         """Creases between each face and the next, from the axis on."""
         return tuple(face.domain.outside for face in self.faces if face.domain.outside is not None)
@@ -264,8 +307,9 @@ class Boundary(Generic[Shape]):
 
     def of(self, shapes: Sequence[Other]) -> "Boundary[Other]":
         """The same boundary with similar ``shapes``; creases lie where these meet."""
-        if len(self.faces) == 1:
-            return Boundary((TrimmedFace(self.faces[0].name, shapes[0], self.faces[0].domain),))
+        if len(self.faces) == 1 or self.section is not None:
+            pairs = zip(self.faces, shapes, strict=True)
+            return Boundary(tuple(TrimmedFace(face.name, shape, face.domain) for face, shape in pairs))
         radii = [crease.radius(_azimuths()) for crease in self.creases]
         return _nested(self.faces, shapes, [(radius * (1.0 - _REACH), radius * (1.0 + _REACH)) for radius in radii])
 
@@ -285,12 +329,13 @@ class SharpestEdge:
 def sharpest_edges(boundary: Boundary[Shape]) -> Iterator[SharpestEdge]:
     """The sharpest place of each crease of ``boundary``, sampled every half degree."""
     for (inner, outer), crease in zip(pairwise(boundary.faces), boundary.creases, strict=True):
-        chart = crease.chart(_azimuths())
+        chart = crease.chart(crease.azimuths)
         turned = np.sum(_normals(inner.shape, chart) * _normals(outer.shape, chart), axis=1)
         around = inner.is_open and not inner.is_ring  # the body is on the other side of its opening
         angles = np.degrees(np.arccos(np.clip(turned if around else -turned, -1.0, 1.0)))
         least = int(np.argmin(angles))
-        yield SharpestEdge((inner.name, outer.name), float(angles[least]), crease.points(_azimuths()[[least]])[0])
+        (point,) = crease.points(crease.azimuths[[least]])
+        yield SharpestEdge((inner.name, outer.name), float(angles[least]), point)
 
 
 def _normals(shape: Surface | Patch, chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
@@ -355,11 +400,27 @@ def _around_opening(cavity: Boundary[Shape], envelope: Boundary[Shape]) -> Pair[
 @lru_cache(maxsize=4)  # sections and drawing ask for it
 def lens_boundaries(lens: Lens) -> Pair[Surface]:
     """The boundaries of the body of ``lens``; of faces that are drawn along y within a band about their section."""
-    pair = boundaries(lens.body)
     if lens.spec.lens.drawn_mm is None:
-        return pair
-    cavity, envelope = (Boundary((replace(side.faces[0], domain=Domain(section=SectionEdge())),)) for side in pair)
-    return cavity, envelope
+        return boundaries(lens.body)
+    if lens.spec.lens.has_creases:
+        lens.body.require_sound()
+    return _about_section(lens.body.arcs(CAVITY)), _about_section(lens.body.arcs(BODY))
+
+
+def _about_section(arcs: Sequence[FaceArc]) -> Boundary[Surface]:
+    """The boundary of faces that are drawn along y, from the middle arc on, each with the arcs on both sides."""
+    edge = SectionEdge()
+    middle = len(arcs) // 2
+    outward = arcs[middle:]
+    corners = [
+        SectionCrease(inner.face, outer.face, None, left.low_rad, inner.high_rad, edge)
+        for left, (inner, outer) in zip(arcs[middle::-1], pairwise(outward), strict=False)
+    ]
+    ends = zip([None, *corners], [*corners, None], strict=True)
+    domains = [Domain(inside, outside, edge) for inside, outside in ends]
+    return Boundary(
+        tuple(TrimmedFace(arc.name, arc.face, domain) for arc, domain in zip(outward, domains, strict=True))
+    )
 
 
 def _boundary(faces: tuple[Face, ...]) -> Boundary[Surface]:

@@ -1,11 +1,11 @@
-"""The body of a linear lens: the section between its two profiles, extruded along y, as solid and as mesh.
+"""The body of a linear lens: the section between its profiles, extruded along y, as solid and as mesh.
 
-A profile is a spline through its points over the angle from z, of as many nodes as its tolerance needs; the optical
-faces of the solid are its surfaces of linear extrusion, exact along y. The body stands on two strips in z = 0. In the
-mesh the profiles are polygons, and no vertex lies between the ends.
+An arc of a profile is a spline through its points over the angle from z, of as many nodes as its tolerance needs; the
+optical faces of the solid are its surfaces of linear extrusion, exact along y. The body stands on two strips in z = 0.
+In the mesh the profiles are polygons, and no vertex lies between the ends.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -30,6 +30,7 @@ from lensforge.cad.plan import RIM
 from lensforge.cad.solid import Solid, uniquely_named
 from lensforge.cad.step import parse_step
 from lensforge.errors import InputError
+from lensforge.scene.section_arcs import FaceArc, points_along
 from lensforge.surfaces.drawn_profile import DrawnFace
 
 END_FACE = "END"
@@ -48,9 +49,11 @@ _Points = Float[np.ndarray, "n 2"]
 
 @dataclass(frozen=True, eq=False)
 class DrawnBody:
-    """Profiles by the names of their faces, the nodes of their splines, mesh and solid; ``chord_mm``: of its facets."""
+    """Arcs of the section by the names of their faces in the solid, and the nodes of the splines of each face of the
+    lens; mesh and solid; ``chord_mm``: of the facets.
+    """
 
-    surfaces: Mapping[str, DrawnFace]
+    arcs: Mapping[str, FaceArc]
     nodes: Mapping[str, int]
     mesh: BodyMesh
     chord_mm: float
@@ -59,54 +62,85 @@ class DrawnBody:
     def prove(self, step: bytes, stl: bytes, threemf: bytes) -> BodyProof:
         """Read the files of the body back, and compare its faces with the profiles."""
         solid = replace(parse_step(step), is_prism=True)
-        form = {name: _read_error(face, solid.faces[optical_name(name)]) for name, face in self.surfaces.items()}
+        form = {name: _read_error(arc.face, solid.faces[name]) for name, arc in self.arcs.items()}
         return BodyProof(solid, check_closed(*parse_stl(stl)), check_closed(*parse_3mf(threemf)), form)
 
 
 def drawn_body(
-    inner: DrawnFace, outer: DrawnFace, length_mm: float, tolerance: FaceTolerance, nodes: int | None = None
+    cavity: Sequence[FaceArc],
+    envelope: Sequence[FaceArc],
+    length_mm: float,
+    tolerance: FaceTolerance,
+    nodes: int | None = None,
 ) -> DrawnBody:
-    """The body between two profiles; ``nodes``: of both splines, by default as many as their ``tolerance`` needs.
+    """The body between two sides of a section, each from -x to +x; ``nodes``: of all splines, by default as many as
+    their ``tolerance`` needs.
 
-    Raises :class:`InputError` where the profiles meet.
+    Raises :class:`InputError` where the sides meet.
     """
-    angles = _angles(_SAMPLES)
-    thinnest = float(
-        (np.linalg.norm(outer.points(angles), axis=1) - np.linalg.norm(inner.points(angles), axis=1)).min()
-    )
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _SAMPLES)
+    outer, inner = (np.linalg.norm(points_along(arcs, angles), axis=1) for arcs in (envelope, cavity))
+    thinnest = float((outer - inner).min())
     if thinnest <= 0.0:
         raise InputError(
-            f"wall = {thinnest:.4g} mm: the outer profile must lie outside the inner one; raise "
-            "constraints.min_thickness_mm and design again"
+            f"wall = {thinnest:.4g} mm: the {' and '.join(_names(envelope))} profile must lie outside the "
+            f"{' and '.join(_names(cavity))} one; raise constraints.min_thickness_mm and design again"
         )
-    surfaces = {"inner": inner, "outer": outer}
-    splines = {name: _spline(face, tolerance, nodes) for name, face in surfaces.items()}
-    counts = {name: len(spline.c) for name, spline in splines.items()}
-    mesh, chord_mm = _mesh(surfaces, length_mm)
-    return DrawnBody(surfaces, counts, mesh, chord_mm, _solid(splines, length_mm))
+    sides = [_Side.of(arcs) for arcs in (envelope, cavity)]
+    splines = [side.splines(tolerance, nodes) for side in sides]
+    counts: dict[str, int] = {}
+    for arc, spline in zip((*envelope, *cavity), (*splines[0], *splines[1]), strict=True):
+        counts[arc.name] = max(counts.get(arc.name, 0), len(spline.c))
+    mesh, chord_mm = _mesh(sides, length_mm)
+    labels = uniquely_named([(optical_name(arc.name), arc) for arc in (*envelope, *cavity)])
+    return DrawnBody(labels, counts, mesh, chord_mm, _solid(sides, splines, length_mm))
 
 
-def _angles(count: int) -> Float[np.ndarray, " n"]:
-    return np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
+def _names(arcs: Sequence[FaceArc]) -> list[str]:
+    return list(dict.fromkeys(arc.name for arc in arcs))
 
 
-def _on_plane(points: _Points) -> _Points:
-    """The points with both ends in z = 0, to the last bit."""
-    points[[0, -1], 1] = 0.0
-    return points
+@dataclass(frozen=True)
+class _Side:
+    """One side of the section: its arcs, and their corners (x, z) from foot to foot, which lie in z = 0."""
 
+    arcs: tuple[FaceArc, ...]
+    corners: _Points
 
-def _spline(face: DrawnFace, tolerance: FaceTolerance, nodes: int | None) -> BSpline:
-    """The spline (x, z) over the angle with the fewest nodes within ``tolerance``, or with ``nodes``."""
-    count = nodes or _LEAST_NODES
-    while True:
-        angles = _angles(count)
-        spline = make_interp_spline(angles, _on_plane(face.points(angles)), k=_DEGREE)
-        error = _error(face, spline(_angles(_SAMPLES)), spline(_angles(_SAMPLES), 1))
-        within = error.form_max_nm <= _AIM * tolerance.form_nm and error.normal_max_mrad <= _AIM * tolerance.normal_mrad
-        if within or nodes is not None or count == MAX_NODES:
-            return spline
-        count = min(MAX_NODES, int(np.ceil(_MORE * count)))
+    @staticmethod
+    def of(arcs: Sequence[FaceArc]) -> "_Side":
+        """The side of these arcs."""
+        corners = np.concatenate([arc.face.points(np.array([arc.low_rad])) for arc in arcs])
+        last = arcs[-1]
+        corners = np.concatenate([corners, last.face.points(np.array([last.high_rad]))])
+        corners[[0, -1], 1] = 0.0
+        return _Side(tuple(arcs), corners)
+
+    def points(self, number: int, angles: Float[np.ndarray, " n"]) -> _Points:
+        """Points of an arc at angles from end to end, with its corners to the last bit."""
+        points = self.arcs[number].face.points(angles)
+        points[[0, -1]] = self.corners[[number, number + 1]]
+        return points
+
+    def splines(self, tolerance: FaceTolerance, nodes: int | None) -> list[BSpline]:
+        """The splines (x, z) of the arcs, each over the angle."""
+        return [self._spline(number, tolerance, nodes) for number in range(len(self.arcs))]
+
+    def _spline(self, number: int, tolerance: FaceTolerance, nodes: int | None) -> BSpline:
+        """The spline with the fewest nodes within ``tolerance``, or with ``nodes``."""
+        arc = self.arcs[number]
+        samples = arc.angles(_SAMPLES)
+        count = nodes or _LEAST_NODES
+        while True:
+            angles = arc.angles(count)
+            spline = make_interp_spline(angles, self.points(number, angles), k=_DEGREE)
+            error = _error(arc.face, spline(samples), spline(samples, 1))
+            within = (
+                error.form_max_nm <= _AIM * tolerance.form_nm and error.normal_max_mrad <= _AIM * tolerance.normal_mrad
+            )
+            if within or nodes is not None or count == MAX_NODES:
+                return spline
+            count = min(MAX_NODES, int(np.ceil(_MORE * count)))
 
 
 def _error(face: DrawnFace, points: _Points, tangents: _Points) -> FormError:
@@ -126,38 +160,44 @@ def _read_error(profile: DrawnFace, face: Any) -> FormError:
     return form_error(profile, points, normals)
 
 
-def _solid(splines: Mapping[str, BSpline], length_mm: float) -> Solid:
+def _solid(sides: Sequence[_Side], splines: Sequence[Sequence[BSpline]], length_mm: float) -> Solid:
     """The prism of the section; its faces by name."""
     front = -0.5 * length_mm
-    ends = {
-        name: [BRepBuilderAPI_MakeVertex(gp_Pnt(x, front, 0.0)).Vertex() for x in spline.c[[0, -1], 0].tolist()]
-        for name, spline in splines.items()
-    }
-    edges = {
-        optical_name(name): BRepBuilderAPI_MakeEdge(
-            curve_of(BSpline(spline.t, np.insert(spline.c, 1, front, axis=1), _DEGREE)), *ends[name]
-        ).Edge()
-        for name, spline in splines.items()
-    }
-    feet = [BRepBuilderAPI_MakeEdge(*pair).Edge() for pair in zip(ends["inner"], ends["outer"], strict=True)]
-    around = wire([edges[optical_name("outer")], feet[1], edges[optical_name("inner")], feet[0]])
+    vertices = [
+        [BRepBuilderAPI_MakeVertex(gp_Pnt(x, front, z)).Vertex() for x, z in side.corners.tolist()] for side in sides
+    ]
+    edges = [
+        [
+            BRepBuilderAPI_MakeEdge(
+                curve_of(BSpline(spline.t, np.insert(spline.c, 1, front, axis=1), _DEGREE)), *ends
+            ).Edge()
+            for spline, ends in zip(of_side, pairwise(corners), strict=True)
+        ]
+        for of_side, corners in zip(splines, vertices, strict=True)
+    ]
+    left, right = (BRepBuilderAPI_MakeEdge(*(corners[end] for corners in vertices)).Edge() for end in (0, -1))
+    around = wire([*edges[0], right, *edges[1][::-1], left])
     prism = BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(around, True).Face(), gp_Vec(0.0, length_mm, 0.0))
-    named = [(name, prism.Generated(edge).First()) for name, edge in edges.items()]
-    named += [(RIM, prism.Generated(edge).First()) for edge in feet]
+    named = [
+        (optical_name(arc.name), prism.Generated(edge).First())
+        for side, of_side in zip(sides, edges, strict=True)
+        for arc, edge in zip(side.arcs, of_side, strict=True)
+    ]
+    named += [(RIM, prism.Generated(edge).First()) for edge in (left, right)]
     named += [(END_FACE, prism.FirstShape()), (END_FACE, prism.LastShape())]
     faces = uniquely_named([(name, TopoDS.Face_s(face)) for name, face in named])
     return Solid(TopoDS.Solid_s(prism.Shape()), faces, is_prism=True)
 
 
-def _mesh(surfaces: Mapping[str, DrawnFace], length_mm: float) -> tuple[BodyMesh, float]:
+def _mesh(sides: Sequence[_Side], length_mm: float) -> tuple[BodyMesh, float]:
     """The mesh, and the largest distance (mm) of its facets from the profiles."""
     import manifold3d
 
-    outer = _polygon(surfaces["outer"])
-    inner = _polygon(surfaces["inner"])[::-1]
-    section = np.concatenate([outer, inner])
+    outer, inner = ([_polygon(side, number) for number in range(len(side.arcs))] for side in sides)
+    outwards, inwards = (_joined(polygons) for polygons in (outer, inner))
+    section = np.concatenate([outwards, inwards[::-1]])
     count = len(section)
-    names = [*[optical_name("outer")] * (len(outer) - 1), RIM, *[optical_name("inner")] * (len(inner) - 1), RIM]
+    names = [*_strips(sides[0], outer), RIM, *_strips(sides[1], inner)[::-1], RIM]
     here = np.arange(count)
     following = np.roll(here, -1)
     walls = [
@@ -171,7 +211,11 @@ def _mesh(surfaces: Mapping[str, DrawnFace], length_mm: float) -> tuple[BodyMesh
     places = [np.insert(section, 1, side * length_mm, axis=1) for side in (-0.5, 0.5)]
     known, faces = np.unique(labels, return_inverse=True)
     mesh = BodyMesh(np.concatenate(places), triangles, faces, tuple(map(str, known)), count)
-    chord = max(_chord_mm(surfaces["outer"], outer), _chord_mm(surfaces["inner"], inner))
+    chord = max(
+        _chord_mm(arc.face, polygon)
+        for side, polygons in zip(sides, (outer, inner), strict=True)
+        for arc, polygon in zip(side.arcs, polygons, strict=True)
+    )
     return (mesh if mesh.volume() > 0.0 else BodyMesh(*_turned(mesh))), chord
 
 
@@ -179,12 +223,24 @@ def _turned(mesh: BodyMesh) -> tuple[Any, ...]:
     return mesh.vertices, mesh.triangles[:, ::-1], mesh.face, mesh.names, mesh.rings
 
 
-def _polygon(face: DrawnFace) -> _Points:
-    """Points of a profile whose sides stay within ``_CHORD_MM``, and normals that are interpolated between them within
+def _joined(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> _Points:
+    """The points of arcs one after another, each corner once."""
+    return np.concatenate([polygons[0], *(polygon[1:] for polygon in polygons[1:])])
+
+
+def _strips(side: _Side, polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> list[str]:
+    """Name of the face of each side of a polygon."""
+    pieces = zip(side.arcs, polygons, strict=True)
+    return [optical_name(arc.name) for arc, polygon in pieces for _ in polygon[1:]]
+
+
+def _polygon(side: _Side, number: int) -> _Points:
+    """Points of an arc whose sides stay within ``_CHORD_MM``, and normals that are interpolated between them within
     ``_NORMAL_RAD``: both errors go as the squared length.
     """
-    angles = _angles(_SAMPLES)
-    points = face.points(angles)
+    arc = side.arcs[number]
+    angles = arc.angles(_SAMPLES)
+    points = arc.face.points(angles)
     tangents = np.gradient(points, angles, axis=0)
     speed = np.linalg.norm(tangents, axis=1)
     turned = np.gradient(np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0])), angles)
@@ -193,7 +249,7 @@ def _polygon(face: DrawnFace) -> _Points:
     density = np.sqrt(np.maximum(by_chord, by_normal) / (8.0 * _AIM * _AIM)) + _LEAST_NODES
     steps = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(angles))])
     wanted = np.linspace(0.0, steps[-1], int(np.ceil(steps[-1])) + 1)
-    return _on_plane(face.points(np.interp(wanted, steps, angles)))
+    return side.points(number, np.interp(wanted, steps, angles))
 
 
 def _chord_mm(face: DrawnFace, polygon: _Points) -> float:

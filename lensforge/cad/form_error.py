@@ -86,8 +86,11 @@ def fit_lens(lens: Lens, *nodes: int, tolerance: FaceTolerance | None = None) ->
 
 
 def remember_fit(lens: Lens, nodes: Mapping[str, int]) -> None:
-    """Store the fit of ``lens`` by ``nodes``, by name, as an export found them: to search them again takes a second."""
-    if nodes.keys() == lens.surfaces.keys():
+    """Store the fit of ``lens`` by ``nodes``, by name, as an export found them: to search them again takes a second.
+
+    Those of a lens that is drawn along y are nodes of its section, by which nothing is fitted.
+    """
+    if lens.spec.lens.drawn_mm is None and nodes.keys() == lens.surfaces.keys():
         _fits(lens)[(), face_tolerance(lens)] = fit_lens(lens, *(nodes[name] for name in lens.surfaces))
 
 

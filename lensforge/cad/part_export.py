@@ -33,10 +33,10 @@ from lensforge.cad.plate_result import PLATE_STEP_FILE, PLATE_STL_FILE, PLATE_TH
 from lensforge.cad.solid import untrimmed_faces
 from lensforge.cad.step import parse_surfaces, parts_bytes, require_schema, signed_step
 from lensforge.errors import InputError
+from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.results import Extent
 from lensforge.scene.lens import Lens
 from lensforge.spec.accuracy import preset_of
-from lensforge.surfaces.drawn_profile import DrawnFace
 from lensforge.surfaces.step_file import Schema, parts_of
 from lensforge.surfaces.surface import scaled
 
@@ -147,8 +147,9 @@ def _drawn(lens: Lens, tolerance: FaceTolerance, nodes: int | None) -> BuiltBody
     length_mm = lens.spec.lens.drawn_mm
     if length_mm is None:
         return None
-    inner, outer = (face for face in lens.surfaces.values() if isinstance(face, DrawnFace))
-    return drawn_body(inner, outer, length_mm, tolerance, nodes)
+    if lens.spec.lens.has_creases:
+        lens.body.require_sound()
+    return drawn_body(lens.body.arcs(CAVITY), lens.body.arcs(BODY), length_mm, tolerance, nodes)
 
 
 def _build(lens: Lens, pair: Pair[Patch], rings: int | None, chord_mm: float, least_rings: int) -> BuiltBody:

@@ -3,7 +3,7 @@
 Lens and built-in bases are cut in closed form, a base from a STEP file by its mesh.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import sqrt
 
 import numpy as np
@@ -13,14 +13,16 @@ from lensforge.cad.boundary import Boundary
 from lensforge.cad.cutter_room import lens_plan
 from lensforge.cad.flange import ring_of
 from lensforge.cad.plan import Corner, Plan, base_corners, rim_directions
+from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.scene.lens import Lens
+from lensforge.scene.section_arcs import FaceArc
 from lensforge.spec import BaseSection
-from lensforge.surfaces.drawn_profile import DrawnFace
 from lensforge.surfaces.surface import Surface
 
 Curve = Float[np.ndarray, "n 2"]
 
 _DRAWN_ANGLES = 721
+_ALONG = 1e-9  # part of a direction across y below which a plane lies along y
 _DRAWN_MM = 1e-3  # last digit of a drawn size: sections that differ by less are the same
 
 
@@ -33,7 +35,7 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     across = rim_directions(np.array([azimuth]))[0]
     length_mm = lens.spec.lens.drawn_mm
     if length_mm is not None:
-        inner, outer = (_drawn_curve(face, across, length_mm) for face in lens.surfaces.values())
+        inner, outer = (_drawn_curve(lens.body.arcs(medium), across, length_mm) for medium in (CAVITY, BODY))
         return [np.concatenate([outer, inner[::-1]])]
     plan = lens_plan(lens)
     base = plan.base
@@ -50,13 +52,16 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)]), *_cut_feet(base, azimuth_deg)]
 
 
-def _drawn_curve(face: Surface, across: Float[np.ndarray, "3"], length_mm: float) -> Curve:
-    """A face that is drawn along y in the plane through z and ``across``, from end to end."""
-    assert isinstance(face, DrawnFace)
+def _drawn_curve(arcs: Sequence[FaceArc], across: Float[np.ndarray, "3"], length_mm: float) -> Curve:
+    """The faces that are drawn along y and bound a medium, in the plane through z and ``across``, from end to end."""
     polar = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _DRAWN_ANGLES)
+    if abs(across[0]) > _ALONG:
+        creases = np.arctan(np.tan([arc.high_rad for arc in arcs[:-1]]) / across[0])
+        polar = np.unique(np.concatenate([polar, creases]))
     plane = np.column_stack([np.sin(polar), np.cos(polar)])
     directions = plane[:, :1] * across + plane[:, 1:] * np.array([0.0, 0.0, 1.0])
-    reciprocals = np.maximum(face.value(directions), np.abs(directions[:, 1]) * 2.0 / length_mm)
+    ends = np.abs(directions[:, 1]) * 2.0 / length_mm
+    reciprocals = np.max([ends, *(arc.face.value(directions) for arc in arcs)], axis=0)
     return plane / reciprocals[:, None]
 
 

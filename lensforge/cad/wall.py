@@ -165,7 +165,7 @@ def _radial(cavity: Boundary[Patch], envelope: Boundary[Patch], sign: float) -> 
 
     turn = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)
     creases = [crease for side in (cavity, envelope) for crease in side.creases if crease is not side.opening]
-    domain = cavity.faces[0].domain if len(cavity.faces) == 1 else WHOLE
+    domain = Domain(section=cavity.section)
     places = np.concatenate([_samples(domain), *(crease.chart(turn) for crease in creases)])
     place, most = refined_maximum(figure, places, figure(places), _STEP, within=domain.within)
     return Span(sign * most, *(points_in(boundary, to_sphere(place[None]))[0] for boundary in (cavity, envelope)))

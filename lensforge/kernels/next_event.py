@@ -9,7 +9,7 @@ from math import exp
 
 from lensforge.kernels.bicubic import bounds_of
 from lensforge.kernels.compiled import NONE_YET, inline
-from lensforge.kernels.drawn_faces import is_past_end
+from lensforge.kernels.drawn_faces import across, is_past_end
 from lensforge.kernels.entry import entry
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.first_hit import FOUND, LOST
@@ -165,7 +165,7 @@ def to_outer(packet, lane, going, rays, body):
 
 
 @inline
-def to_nearest(packet, lane, going, face, medium, rays, sides):
+def to_nearest(packet, lane, going, face, medium, rays, body):
     """Send a ray from a ``face`` to the nearest one that bounds its ``medium``.
 
     Returns 0; negative if a facet sends it to the other side of its face, which is followed no further.
@@ -174,13 +174,14 @@ def to_nearest(packet, lane, going, face, medium, rays, sides):
     d = three(packet, DX + lane)
     leaving = packet[LEAVING + lane]
     if rays.shifts is not None:  # spread behind the face
-        leaving = dot(outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane]), d) / length_of(p)
+        flat = across(p, body.grid.half_mm)
+        leaving = dot(outward_normal(flat, packet[RHO_X + lane], packet[RHO_Y + lane]), d) / length_of(flat)
     packet[MEDIUM + going] = medium
     packet[LAST + going] = float(face)
     packet[LEAVING + going] = leaving
-    carry_on(packet, lane, going, None, sides)
+    carry_on(packet, lane, going, None, body.sides)
     store_ray(packet, going, int(packet[RAY + lane]), p, d, 1.0)
-    return -1.0 if rays.noise is not None and (leaving > 0.0) != (sides.behind[face] == medium) else 0.0
+    return -1.0 if rays.noise is not None and (leaving > 0.0) != (body.sides.behind[face] == medium) else 0.0
 
 
 @inline
@@ -191,7 +192,7 @@ def to_next_event(packet, lane, going, face, medium, rays, body, balls):
     """
     if balls is None:  # known to the compiler
         return to_outer(packet, lane, going, rays, body)
-    return to_nearest(packet, lane, going, face, medium, rays, body.sides)
+    return to_nearest(packet, lane, going, face, medium, rays, body)
 
 
 @inline

@@ -173,14 +173,14 @@ def turn_field(packet, first, face):
 
 
 @inline
-def turn_fields(packet, lane, film, rays, fresnel):
+def turn_fields(packet, lane, film, rays, body):
     """Turn direction and fields of a ray to those behind its face, and note how fast it leaves that."""
     c = packet[COSINE + lane]
     d = three(packet, DX + lane)
     n = three(packet, MX + lane)
     row = own_or_shared(rays.film_rows, int(packet[RAY + lane]))
     a, more, mirrored = amplitudes(
-        c, packet[BEHIND + lane], packet[RATIO + lane], packet[MIRROR + lane], film, fresnel, row
+        c, packet[BEHIND + lane], packet[RATIO + lane], packet[MIRROR + lane], film, body.fresnel, row
     )
     bent = three(packet, BENT + lane)
     turned_about = reflect(d, n, c)
@@ -190,7 +190,7 @@ def turn_fields(packet, lane, film, rays, fresnel):
         turned_about[2] if mirrored else bent[2],
     )
     write(packet, BENT + lane, b)
-    p = three(packet, PX + lane)
+    p = across(three(packet, PX + lane), body.grid.half_mm)
     normal = outward_normal(p, packet[RHO_X + lane], packet[RHO_Y + lane])
     packet[LEAVING + lane] = dot(normal, b) / length_of(p)
     face = FieldTurn(a, more, n, add_scaled(n, -c, d), d, b, mirrored)
@@ -203,14 +203,14 @@ def turn_all_fields(packet, count, films, rays, body):
     """:func:`turn_fields` of all rays of a packet, at faces that may have films."""
     if films is None:  # known to the compiler
         for lane in range(in_whole_vectors(count)):
-            turn_fields(packet, lane, None, rays, body.fresnel)
+            turn_fields(packet, lane, None, rays, body)
     else:
         for lane in range(count):
             face = int(packet[FACE + lane])
             if films.sizes[face] == 0:
-                turn_fields(packet, lane, None, rays, body.fresnel)
+                turn_fields(packet, lane, None, rays, body)
             else:
-                turn_fields(packet, lane, films.tables[face, ..., : films.sizes[face], :], rays, body.fresnel)
+                turn_fields(packet, lane, films.tables[face, ..., : films.sizes[face], :], rays, body)
 
 
 @inline

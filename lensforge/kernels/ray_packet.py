@@ -55,7 +55,8 @@ OWN = 17
 ON_FACE, LIMIT = fields(COEFFICIENTS + PER_RAY + OWN + 16, 2)
 OF_CHAIN = COEFFICIENTS + PER_RAY + OWN + 18  # what ``kernels.nearest_face`` and ``kernels.polarised_event`` keep
 FACET, _, _ = fields(OF_CHAIN + 37, 3)  # where faces are rough, slopes of the facet that is met, and what more is seen
-PACKET_NUMBERS = (OF_CHAIN + 40) * SIZE
+KEPT_Y, KEPT_D, _, _ = fields(OF_CHAIN + 40, 4)  # y and direction of a ray whose place its shadow takes
+PACKET_NUMBERS = (OF_CHAIN + 44) * SIZE
 
 
 def empty_packet(precision: Precision = DOUBLE_PRECISION) -> Float[np.ndarray, " k"]:

@@ -7,7 +7,7 @@ Path lengths and faces that were met are kept, so that the adjoint need not sear
 
 from lensforge.kernels.bicubic import bounds_of
 from lensforge.kernels.compiled import inline, kernel
-from lensforge.kernels.drawn_faces import from_shadows, shadows
+from lensforge.kernels.drawn_faces import become_rays, become_shadows, from_shadows, shadows
 from lensforge.kernels.entry import enter
 from lensforge.kernels.first_hit import FOUND, first_hits, start_all
 from lensforge.kernels.nearest_face import FACE, MEDIUM, NEXT, NEXT_STATUS, NEXT_X, NEXT_Y, SIDE, meet_nearest
@@ -57,7 +57,9 @@ def meet(packet, count, event, rays, body, balls):
         from_shadows(packet, count, body.grid.half_mm)
         note_order(packet, count, event, body.sides)
     else:
+        become_shadows(packet, count, body.grid.half_mm)
         meet_nearest(packet, count, body)
+        become_rays(packet, count, body.grid.half_mm)
         choose_nearest(packet, count, rays, body)
 
 

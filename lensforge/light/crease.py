@@ -19,6 +19,7 @@ rim; and rays that only just touch a face.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -31,7 +32,7 @@ from lensforge.scene.receiver import PosedReceiver
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
 from lensforge.surfaces.bicubic_table import TableGrid, cubic_basis, evaluate_table
-from lensforge.surfaces.surface import gradient_on_sphere, to_sphere
+from lensforge.surfaces.surface import gradient_on_sphere, to_chart, to_sphere
 
 RayAdjoint = Callable[[TracedBundle], Float[np.ndarray, " n"]]
 """Derivative of a merit by the flux (W) with which each ray leaves the source; the rays have 1 W each."""
@@ -39,6 +40,8 @@ Trace = Callable[[RayBundle], TracedBundle]
 """Rays through the faces of one lens."""
 
 _MERIDIANS = 256  # on which creases are sought
+_PLACES = 256  # along a straight crease of faces that are drawn along y, even in the angle under which they are seen
+_ACROSS = np.array([1.0, 0.0, 1.0])
 _STEPS = 32  # of the chart's radius from the axis to the rim
 _NEWTON_STEPS = 6  # from the middle of a step to rounding
 BESIDE = 1e-6  # rad: rays on both sides pass the crease at this angle
@@ -75,7 +78,7 @@ def crease_gradients(
     crossing = creases.take(numbers)
     rays = towards(source, _seen_from_source(scene, crossing.one.points), seed)
     trace = partial(TracedBundle.of, tables, scene, bounds=bounds)
-    change = rays.flux * _gain(trace, scene, rays, crossing, worth) * (len(creases) * 2.0 * np.pi / _MERIDIANS)
+    change = rays.flux * _gain(trace, scene, rays, crossing, worth) * (len(creases) * creases.spacing_rad)
     for side, by_radius in zip((creases.one, creases.other), crossing.flows(in_lens(scene, rays)), strict=True):
         side.add(np.bincount(numbers, change * by_radius, len(creases)), total)
     return total
@@ -141,7 +144,8 @@ class OnFaces:
     """Points on faces by their tables: number of the ``face`` and chart point of each.
 
     ``radius`` (mm) and its ``slopes`` over the chart; ``corner``: row and column of the first of the 4 x 4 coefficients
-    that act there, ``weights``: of each on the radius.
+    that act there, ``weights``: of each on the radius. ``along_mm``: y on faces that are drawn along y, which the chart
+    has in their section.
     """
 
     face: Int[np.ndarray, " p"]
@@ -150,6 +154,15 @@ class OnFaces:
     slopes: Float[np.ndarray, "p 2"]
     corner: Int[np.ndarray, "p 2"]
     weights: Float[np.ndarray, "p 4 4"]
+    along_mm: _Values | None = None
+
+    @staticmethod
+    def at(tables: Tables, scene: Scene, face: Int[np.ndarray, " p"], points: _Vectors) -> "OnFaces":
+        """The tables of these faces at points (mm)."""
+        if scene.drawn_half_mm is None:
+            return OnFaces.of(tables, scene.grid, face, to_chart(points))
+        in_section = OnFaces.of(tables, scene.grid, face, to_chart(points * _ACROSS))
+        return replace(in_section, along_mm=points[:, 1])
 
     @staticmethod
     def of(tables: Tables, grid: TableGrid, face: Int[np.ndarray, " p"], chart: Float[np.ndarray, "p 2"]) -> "OnFaces":
@@ -169,16 +182,24 @@ class OnFaces:
     @property
     def points(self) -> _Vectors:
         """The points in space (mm)."""
-        return self.radius[:, None] * to_sphere(self.chart)
+        points = self.radius[:, None] * to_sphere(self.chart)
+        return points if self.along_mm is None else np.column_stack([points[:, 0], self.along_mm, points[:, 2]])
 
     @property
     def normals(self) -> _Vectors:
-        """Normals away from the origin, scaled so that their radial component is 1."""
-        return to_sphere(self.chart) - gradient_on_sphere(self.chart, self.slopes) / self.radius[:, None]
+        """Normals away from the origin, or the y axis, scaled so that their radial component is 1."""
+        normals = to_sphere(self.chart) - gradient_on_sphere(self.chart, self.slopes) / self.radius[:, None]
+        return normals if self.along_mm is None else normals * _ACROSS
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "OnFaces":
         """Select points by row."""
-        return OnFaces(*(getattr(self, field.name)[rows] for field in fields(self)))
+        kept: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{name: values[rows] for name, values in kept.items() if values is not None})
+
+    def drawn(self, along_mm: Float[np.ndarray, "m p"]) -> "OnFaces":
+        """Each point of a section, at several places along y."""
+        count = len(along_mm)
+        return replace(self.take(np.tile(np.arange(len(self.face)), count)), along_mm=along_mm.ravel())
 
     def add(self, by_radius: _Values, total: Tables) -> None:
         """Add derivatives by the radius at each point to those by the coefficients of the tables."""
@@ -187,21 +208,34 @@ class OnFaces:
 
 @dataclass(frozen=True)
 class CreasePoints:
-    """Points of the creases of a cavity on meridians ``2 pi / 256`` apart, each on faces ``one`` and ``other``."""
+    """Points of the creases of a cavity, each on faces ``one`` and ``other``, even in the azimuth.
+
+    Those of faces that are drawn along y are even in the angle under which y is seen from the axis.
+    """
 
     one: OnFaces
     other: OnFaces
 
+    @property
+    def spacing_rad(self) -> float:
+        """Angle between neighbouring points of a crease."""
+        return 2.0 * np.pi / _MERIDIANS if self.one.along_mm is None else np.pi / _PLACES
+
     @staticmethod
     def of(tables: Tables, scene: Scene, turn: float = 0.0) -> "CreasePoints":
-        """Find all creases on the meridians; ``turn``, as a share of their spacing, moves all meridians."""
-        faces, azimuths, ends = _brackets(tables, scene, 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS)
+        """Find all creases on the meridians; ``turn``, as a share of their spacing, moves all points."""
+        drawn = scene.drawn_half_mm is not None
+        meridians = np.array([0.0, np.pi]) if drawn else 2.0 * np.pi * (np.arange(_MERIDIANS) + turn) / _MERIDIANS
+        faces, azimuths, ends = _brackets(tables, scene, meridians)
         axes = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
         place = ends.mean(axis=0)
         for _ in range(_NEWTON_STEPS):
             one, other = (OnFaces.of(tables, scene.grid, face, place[:, None] * axes) for face in faces)
             slope = ((one.slopes - other.slopes) * axes).sum(axis=1)
             place = np.clip(place - (one.radius - other.radius) / slope, *ends)
+        if drawn:
+            slopes = np.tan(np.pi * ((np.arange(_PLACES) + turn) / _PLACES - 0.5))
+            one, other = (side.drawn(slopes[:, None] * one.radius) for side in (one, other))
         points = CreasePoints(one, other)
         return points.take(np.flatnonzero(np.abs(points.rate) > 0.0))
 
@@ -212,7 +246,10 @@ class CreasePoints:
 
     @cached_property
     def rate(self) -> _Values:
-        """Change of the azimuth along the tangent (rad/mm)."""
+        """Change of the azimuth, or of the angle under which y is seen, along the tangent (rad/mm)."""
+        if self.one.along_mm is not None:
+            radius = self.one.radius
+            return self.tangents[:, 1] * radius / (radius**2 + self.one.along_mm**2)
         x, y, _ = self.one.points.T
         along_x, along_y, _ = self.tangents.T
         return (x * along_y - y * along_x) / (x**2 + y**2)

@@ -25,7 +25,6 @@ from lensforge.light.table_trace import Scene, Tables, TracedBundle, face_bounds
 from lensforge.optics.pose import FACES_IN_PLACE
 from lensforge.seeds import sobol
 from lensforge.sources.ray_bundle import RayBundle, Source, towards
-from lensforge.surfaces.surface import to_chart
 
 _PARTS = 8  # of an interval
 _TIMES = 6  # that an interval is divided: from a few degrees to 1e-7 rad
@@ -228,7 +227,7 @@ class _Lines:
         return self.points + self.paths[:, None] * self.directions
 
     @staticmethod
-    def of(traced: TracedBundle, event: _Numbers, rows: _Numbers) -> "_Lines":
+    def of(traced: TracedBundle, event: _Numbers, rows: Int[np.ndarray, " r"]) -> "_Lines":
         """Follow some rays of a bundle, each to its event."""
         assert traced.met is not None and traced.scene.chain is not None
         event = event[rows]
@@ -256,7 +255,7 @@ def _behind(traced: TracedBundle, rows: _Numbers, code: _Numbers, points: _Vecto
     indices[:, BODY] = body[rows] if len(body) > 1 else body
     index_before, index_behind = (indices[np.arange(len(rows)), side[face]] for side in (sides.before, sides.behind))
     ratio = np.where(back, index_behind / index_before, index_before / index_behind)[:, None]
-    normals = OnFaces.of(traced.tables, scene.grid, face, to_chart(points)).normals
+    normals = OnFaces.at(traced.tables, scene, face, points).normals
     normals *= (np.where(back, -1.0, 1.0) / np.linalg.norm(normals, axis=1))[:, None]
     cosine = (along * normals).sum(axis=1, keepdims=True)
     root = np.sqrt(np.maximum(1.0 - ratio**2 * (1.0 - cosine**2), 0.0))
@@ -272,8 +271,7 @@ def _gradients(changes: _Changes, low: TracedBundle, high: TracedBundle, flux: _
     event = changes.event
     line = _Lines.of(low, event, rows)
     beside = _Lines.of(high, event, rows)
-    chart = to_chart(line.hits)
-    faces = [OnFaces.of(low.tables, scene.grid, code >> 2, chart) for code in changes.codes]
+    faces = [OnFaces.at(low.tables, scene, code >> 2, line.hits) for code in changes.codes]
     steep = [(face.normals * line.directions).sum(axis=1) for face in faces]
     across = faces[0].normals / steep[0][:, None] - faces[1].normals / steep[1][:, None]
     hits = beside.points + line.paths[:, None] * beside.directions

@@ -286,10 +286,6 @@ class _Passage:
         sense, behind = (1.0, self.body.chain.behind[number]) if before == medium else (-1.0, before)
         path, points = face.hit(light.points, light.directions, paths_mm, sense)
         light = self._dimmed(light, path, medium)
-        if behind == OUTSIDE and self.body.half_mm is not None:
-            past = points[:, 1].abs() > self.body.half_mm
-            yield _ENDED, light.take(past)._replace(sin2_exit=torch.zeros_like(path[past])).ended(Fate.FLANGE)
-            light, points, paths_mm = light.take(~past), points[~past], paths_mm[~past]
         met = Meeting(number, light.times[:, number], light.numbers)
         times = light.times.clone()
         times[:, number] += 1
@@ -311,8 +307,10 @@ class _Passage:
         yield _ENDED, light.take(~(cosine > 0.0)).ended(Fate.TOTAL_REFLECTION)  # tangents
         reflected = (squared <= 0.0) | (mirror is not None)
         at = Incidence(normals, cosine, ratio)
+        past = ~reflected & (cosine > 0.0) & self._is_past_end(points, behind)
+        yield _ENDED, light.take(past)._replace(sin2_exit=torch.zeros_like(path[past])).ended(Fate.FLANGE)
         for mirrored in (False, True):
-            rows = (cosine > 0.0) & (reflected == mirrored)
+            rows = (cosine > 0.0) & (reflected == mirrored) & ~past
             if bool(rows.any()):
                 here = at.take(rows)
                 some = self._turned(light.take(rows), here, number, mirrored)
@@ -326,6 +324,12 @@ class _Passage:
                     yield _ENDED, some.take(away).ended(Fate.EVENT_LIMIT)
                     some = some.take(~away)
                 yield from self._onward(some, medium if mirrored else behind, mirrored and mirror is None, event)
+
+    def _is_past_end(self, points: Float[Tensor, "n 3"], behind: str) -> Bool[Tensor, " n"]:
+        half_mm = self.body.half_mm
+        if behind != OUTSIDE or half_mm is None:
+            return torch.zeros(len(points), dtype=torch.bool, device=points.device)
+        return points[:, 1].abs() > half_mm
 
     def _dimmed(self, light: RaysInBody, path_mm: Float[Tensor, " n"], medium: str) -> RaysInBody:
         if medium != BODY or self.absorptions is None:

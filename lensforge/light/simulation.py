@@ -84,7 +84,9 @@ class TracedLens:
     def _of_one(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         chain = Chain.of_lens(lens.spec.lens)
         if chain is not None:
-            return TracedLens.of_body(lens.body, lens.media, chain.events, nodes_per_sigma).at_work(lens.spec)
+            traced = TracedLens.of_body(lens.body, lens.media, chain.events, nodes_per_sigma)
+            scene = replace(traced.scene, drawn_half_mm=lens.spec.lens.drawn_half_mm)
+            return replace(traced, scene=scene).at_work(lens.spec)
         with remedy("take a lower accuracy"):
             grid: TableGrid = grid_for(min(lens.detail_rad, _WIDEST_DETAIL_RAD), nodes_per_sigma)
         tables = np.stack([tabulate(grid, surface) for surface in lens.surfaces.values()])

@@ -85,8 +85,7 @@ def designed_files(part: Part) -> Iterator[DesignedFile]:
     """Every exported file, with the body that it should hold."""
     lens = part.lens
     plate = layout_of(part.lens)
-    if lens.spec.lens.drawn_mm is None:
-        remember_fit(lens, part.nodes)  # by which the base has room for the cutter
+    remember_fit(lens, part.nodes)  # by which the base has room for the cutter
     body = designed_lens(lens)
     chord_mm = 1e-3 * part.triangulation.chord_error_um
     tolerance_um = 1e-3 * part.face_tolerance.form_nm

@@ -20,6 +20,7 @@ NO_FACE = -1  # at or below z = 0 lies no optical face
 FAR_MM = 0.05  # facets further from every face of the design are of none of them: as MOST_CHORD_MM of the acceptance
 _AT_FLANGE_MM = 1e-3
 _FARTHEST = 1e-9  # 1/mm: the face is not met in this direction
+_ACROSS = np.array([1.0, 0.0, 1.0])  # faces that are drawn along y are sorted in their section
 _CROSSINGS = 2  # into the body, and out of it: each is an event
 
 
@@ -225,9 +226,10 @@ class OpticalFaces:
             rows = np.nonzero(above & (away == side))[0]
             numbers[rows] = candidates[0]
             if len(candidates) > 1:
-                gaps = self._gaps(points[rows])[candidates]
+                places = points[rows] if self.end_mm is None else points[rows] * _ACROSS
+                gaps = self._gaps(places)[candidates]
                 numbers[rows] = candidates[np.argmin(gaps, axis=0)]
-                slant = np.abs(np.sum(points[rows] * normals[rows], axis=1)) / np.linalg.norm(points[rows], axis=1)
+                slant = np.abs(np.sum(places * normals[rows], axis=1)) / np.linalg.norm(places, axis=1)
                 apart[rows] = gaps.min(axis=0) * slant
         if self.flange_mm is not None:
             beyond = above & (np.hypot(points[:, 0], points[:, 1]) > self.flange_mm + _AT_FLANGE_MM)

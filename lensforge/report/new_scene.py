@@ -231,7 +231,7 @@ def _made_with(cutter: str, unlimited: Spec) -> Tables:
         return {"manufacture": {"process": "none"}}
     if cutter == "mould":
         return {"manufacture": {"process": "moulded"}, "tolerances": {"preset": "moulded"}}
-    if unlimited.manufacture.process == "turned":
+    if unlimited.manufacture.process == "turned" or (cutter == USUAL and unlimited.manufacture.making.is_drawn):
         return {}
     usual_mm = unlimited.manufacture.cutter_radius_mm
     radius_mm = usual_mm if cutter == USUAL else millimetres(f"--cutter {cutter}", cutter, f"the {CUTTERS}")

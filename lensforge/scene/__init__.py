@@ -1,6 +1,7 @@
 """What stands around the light? The lens, its receivers and targets, and how a made part differs from the design.
 
 - ``lens.Lens``: a lens: two faces and their spec
+- ``section_arcs.FaceArc``: a face of a linear lens over the angles at which it bounds its medium
 - ``receiver.PosedReceiver``: a receiver: where rays land on it
 - ``receiver_shapes.receivers_of``: planes, cylinders, spheres and the far field of a spec
 - ``pixel_grid.PixelGrid``: pixels, and flux on them

@@ -18,11 +18,14 @@ from lensforge.errors import InputError
 from lensforge.kernels.face_records import FaceMedia
 from lensforge.optics.face_roles import BODY, CAVITY, DOUBLE, MEDIA, MOST_EVENTS, OPENING, SHELL, FaceRole, FaceSides
 from lensforge.optics.media import Media, Mirror
+from lensforge.scene.section_arcs import FaceArc, arcs_of
 from lensforge.spec.lens_section import LensShape
+from lensforge.surfaces.drawn_profile import DrawnFace, in_section
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface, grid, to_sphere
 
 _DIRECTIONS = 20_000
+_ANGLES = 3601  # of the section of a linear lens
 _NODES = 96  # of the chart's grid on which faces are compared
 
 
@@ -127,26 +130,59 @@ class Body:
             events,
         )
 
+    @property
+    def is_drawn(self) -> bool:
+        """True where all faces are profiles drawn along y."""
+        return all(isinstance(face.surface, DrawnFace) for face in self.faces)
+
+    def arcs(self, medium: str) -> tuple[FaceArc, ...]:
+        """The faces of a linear lens that bound ``medium``, along its section from -x to +x."""
+        faces = ((face.name, face.surface) for face in self.bounding(medium))
+        return arcs_of([(name, surface) for name, surface in faces if isinstance(surface, DrawnFace)])
+
     def require_sound(self) -> None:
         """Raise :class:`InputError` for media that no face bounds, faces that cross, and faces in several pieces."""
         for medium in (CAVITY, BODY):
             if all(face.is_open for face in self.bounding(medium)):
                 names = ", ".join(face.name for face in self.faces)
                 raise InputError(f"faces {names}: none bounds the {medium}; the body is not closed, add one")
+        if self.is_drawn:
+            self._require_sound_section()
+            return
         directions, inside = _hemisphere()
         inner, outer = (radii(faces, directions).min(axis=0) for faces in (self.cavity, self.envelope))
         closed = np.array([not face.is_open for face in self.cavity])[nearest(self.cavity, directions)]
         wall = np.where(inside & closed, outer - inner, np.inf)
         worst = np.unravel_index(int(np.argmin(wall)), wall.shape)
         if not wall[worst] > 0.0:
-            x, y, z = directions[worst]
-            raise InputError(
-                f"wall = {wall[worst]:.4g} mm in the direction ({x:.3f}, {y:.3f}, {z:.3f}): the faces "
-                f"{', '.join(face.name for face in self.envelope)} must lie outside of "
-                f"{', '.join(face.name for face in self.cavity)}"
-            )
+            raise self._crossed(float(wall[worst]), directions[worst])
         for faces in (self.cavity, self.envelope):
             _require_whole(faces, nearest(faces, directions), inside)
+
+    def _require_sound_section(self) -> None:
+        """Raise :class:`InputError` where faces that are drawn along y cross, or do not lie about a middle one."""
+        angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _ANGLES)
+        directions = in_section(angles)
+        inner, outer = (radii(faces, directions).min(axis=0) for faces in (self.cavity, self.envelope))
+        worst = int(np.argmin(outer - inner))
+        if not outer[worst] > inner[worst]:
+            raise self._crossed(float((outer - inner)[worst]), directions[worst])
+        for medium in (CAVITY, BODY):
+            names = [arc.name for arc in self.arcs(medium)]
+            if names != names[::-1] or len(set(names)) != (len(names) + 1) // 2:
+                raise InputError(
+                    f"faces {', '.join(dict.fromkeys(names))}: from -x to +x the {medium} is bounded by "
+                    f"{', '.join(names)}: must be one in the middle, and each other on both sides of it; move one of "
+                    "them, or leave it out"
+                )
+
+    def _crossed(self, wall_mm: float, direction: Float[np.ndarray, "3"]) -> InputError:
+        x, y, z = direction
+        return InputError(
+            f"wall = {wall_mm:.4g} mm in the direction ({x:.3f}, {y:.3f}, {z:.3f}): the faces "
+            f"{', '.join(face.name for face in self.envelope)} must lie outside of "
+            f"{', '.join(face.name for face in self.cavity)}"
+        )
 
 
 def radii(faces: tuple[Face, ...], directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "f *n"]:

@@ -142,14 +142,17 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
                 yield from (replace(width, sign=sign), height)
 
 
+def apex_title(face: str) -> str:
+    """Words for the place in which a face of the envelope meets the axis."""
+    return "outer apex" if face == DOUBLE[-1] else f"apex of the {face}"
+
+
 def _on_axis(lens: Lens, cavity: Boundary[Surface], envelope: Boundary[Surface]) -> Iterator[Dimension]:
     """Heights of both apexes, and the thickness between them."""
     gap = lens.spec.part_tolerances.amount(envelope.faces[0].name, "gap_mm")
     low, high = (float(boundary.radius(_AXIS)[0]) for boundary in (cavity, envelope))
     side = -float(rim_radius(envelope)(np.array([np.pi]))[0])
-    outer = envelope.faces[0].name
-    apex = "outer apex" if outer == DOUBLE[-1] else f"apex of the {outer}"
-    yield Dimension(f"{apex} above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
+    yield Dimension(f"{apex_title(envelope.faces[0].name)} above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
     yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
     ends = (low, 0.0), (high, 0.0)
     yield Dimension("thickness on the axis", high - low, "axis", ends, tolerance_mm=gap or None)

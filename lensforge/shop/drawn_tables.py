@@ -5,12 +5,14 @@ A profile is told in the plane y = 0; the face is that profile at every y. Nodes
 through the nearest nodes (Lagrange), which errs most halfway between them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.scene.lens import Lens
+from lensforge.scene.section_arcs import numbered
 from lensforge.shop.handover import Interpolation, PointGrid
 from lensforge.shop.point_tables import (
     BEYOND,
@@ -31,6 +33,8 @@ from lensforge.surfaces.drawn_profile import in_section
 
 POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz,angle_deg"
 COLUMNS = "x_mm,z_mm,nx,nz,angle_deg"
+_FOOT = "foot"
+_FOOT_DEG = 90.0
 _MEASURED_DEG = np.arange(-90.0, 90.1, 2.5)
 _ALONG = np.array([-0.45, -0.225, 0.0, 0.225, 0.45])  # of the length, clear of the ends
 _FEWEST = 32  # cells of the first trial
@@ -46,9 +50,11 @@ _OVER_ANGLE: dict[Interpolation, str] = {
 
 @dataclass(frozen=True)
 class ProfileToCut:
-    """The profile of a ``face`` as it is cut."""
+    """The profile of a ``face`` as it is cut, from ``low_deg`` to ``high_deg`` from z."""
 
     face: FaceToCut
+    low_deg: float = -90.0
+    high_deg: float = 90.0
 
     def at(self, angles_deg: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
         """Points (x, z) in mm and unit air-side normals at angles from z; the feet lie in z = 0."""
@@ -59,14 +65,14 @@ class ProfileToCut:
 
     @property
     def length_mm(self) -> float:
-        """Its length from foot to foot."""
-        points, _ = self.at(np.linspace(-90.0, 90.0, _ANGLES))
+        """Its length from end to end."""
+        points, _ = self.at(np.linspace(self.low_deg, self.high_deg, _ANGLES))
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 @dataclass(frozen=True)
 class ProfileTable:
-    """Nodes of a profile at ``angles_deg``, those beyond its feet too; ``beyond``: how many on each side."""
+    """Nodes of a profile at ``angles_deg``, those beyond its ends too; ``beyond``: how many on each side."""
 
     profile: ProfileToCut
     angles_deg: Float[np.ndarray, " n"]
@@ -74,10 +80,10 @@ class ProfileTable:
 
     @staticmethod
     def of(profile: ProfileToCut, cells: int, scheme: Interpolation) -> "ProfileTable":
-        """A table of ``cells`` from foot to foot."""
+        """A table of ``cells`` from end to end."""
         beyond = BEYOND[scheme]
         nodes = np.arange(-beyond, cells + beyond + 1)
-        return ProfileTable(profile, 180.0 * nodes / cells - 90.0, beyond)
+        return ProfileTable(profile, profile.low_deg + (profile.high_deg - profile.low_deg) * nodes / cells, beyond)
 
     @property
     def face(self) -> FaceToCut:
@@ -109,24 +115,37 @@ def drawn_point_tables(lens: Lens, head: list[str], request: GridRequest) -> Poi
 
     Raises :class:`InputError` for a table of too many points.
     """
-    faces = faces_to_cut(lens)
+    profiles = _profiles_to_cut(lens)
     length_mm = lens.spec.lens.drawn_mm
     assert length_mm is not None
-    rows = [row for face in faces for row in _places(face, length_mm * lens.spec.manufacture.scale)]
+    rows = [row for profile in profiles for row in _places(profile, length_mm * lens.spec.manufacture.scale)]
     points = "\n".join([*(f"# {line}" for line in head), POINT_COLUMNS, *rows]) + "\n"
-    grids = tuple(_grid(ProfileToCut(face), head, request) for face in faces)
+    grids = tuple(_grid(profile, head, request) for profile in profiles)
     return PointTables(points.encode(), len(rows), grids)
 
 
-def _places(face: FaceToCut, length_mm: float) -> list[str]:
+def _profiles_to_cut(lens: Lens) -> list[ProfileToCut]:
+    """Each arc of the section as it is cut, of the cavity first."""
+    faces = {face.name: face for face in faces_to_cut(lens)}
+    arcs = numbered([*lens.body.arcs(CAVITY), *lens.body.arcs(BODY)])
+    return [
+        ProfileToCut(
+            replace(faces[arc.name], name=name), float(np.degrees(arc.low_rad)), float(np.degrees(arc.high_rad))
+        )
+        for name, arc in arcs.items()
+    ]
+
+
+def _places(profile: ProfileToCut, length_mm: float) -> list[str]:
     """Rows of places to measure: the profile at five places along the part."""
-    points, normals = ProfileToCut(face).at(_MEASURED_DEG)
+    measured = _MEASURED_DEG[(profile.low_deg <= _MEASURED_DEG) & (profile.high_deg >= _MEASURED_DEG)]
+    points, normals = profile.at(measured)
     rows = []
     for y in length_mm * _ALONG:
         places = np.insert(points, 1, y, axis=1)
         upright = np.insert(normals, 1, 0.0, axis=1)
-        numbers = np.round(np.column_stack([places, upright, _MEASURED_DEG]), 9) + 0.0  # no minus zero
-        rows += [f"{face.name}," + ",".join(f"{value:.9f}" for value in row) for row in numbers.tolist()]
+        numbers = np.round(np.column_stack([places, upright, measured]), 9) + 0.0  # no minus zero
+        rows += [f"{profile.face.name}," + ",".join(f"{value:.9f}" for value in row) for row in numbers.tolist()]
     return rows
 
 
@@ -158,12 +177,15 @@ def _table_for(profile: ProfileToCut, request: GridRequest) -> ProfileTable:
 def _lines(table: ProfileTable, request: GridRequest, error_nm: float) -> list[str]:
     """Lines on the profile, the nodes, the interpolation, and its error."""
     cells = len(table.angles_deg) - 1 - 2 * table.beyond
-    beyond = f"; {table.beyond} more beyond each foot continues it smoothly (extension)" if table.beyond else ""
+    low, high = table.profile.low_deg, table.profile.high_deg
+    ends = [_FOOT if abs(end) == _FOOT_DEG else "crease" for end in (low, high)]
+    which = f"each {ends[0]}" if ends[0] == ends[1] else "each end"
+    beyond = f"; {table.beyond} more beyond {which} continues it smoothly (extension)" if table.beyond else ""
     return [
         f"face: {table.face.name}, drawn along y: this profile at every y; {side_phrase(table.face)}",
-        f"nodes: even in the angle from z towards +x, seen from the origin: -90 + 180 k / {cells} degrees; spacing up "
-        f"to {table.spacing_mm:.4g} mm",
-        f"extent: from foot to foot, angles -90 to 90{beyond}",
+        f"nodes: even in the angle from z towards +x, seen from the origin: {low:.12g} + {high - low:.12g} k / {cells} "
+        f"degrees; spacing up to {table.spacing_mm:.4g} mm",
+        f"extent: from {ends[0]} to {ends[1]}, angles {low:.6g} to {high:.6g}{beyond}",
         "nx, nz: the unit normal n from the material into the air, ny = 0; the centre of a ball of radius R is p + R n",
         f"interpolation: of x and z over the angle, {_OVER_ANGLE[request.interpolation]}",
         f"interpolation error: at most {rounded_up(error_nm, 3)} nm along the normal against the exact profile, at "

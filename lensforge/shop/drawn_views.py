@@ -5,16 +5,18 @@ lines, the interrupted view of ISO 128-3.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.cad.section import body_outlines
+from lensforge.optics.face_roles import BODY, CAVITY
 from lensforge.scene.lens import Lens
-from lensforge.shop.dimensions import Dimension, without_repeats
+from lensforge.scene.section_arcs import points_along
+from lensforge.shop.dimensions import Dimension, apex_title, without_repeats
 from lensforge.shop.sheet import Points
 from lensforge.shop.view_lines import SectionView, ViewLine
-from lensforge.surfaces.drawn_profile import DrawnFace
 
 LENGTH = "length along y"
 WIDTH = "width across the feet, along x"
@@ -32,46 +34,58 @@ def section_of_drawn(lens: Lens) -> SectionView:
 
 
 def drawn_end_lines(lens: Lens) -> list[ViewLine]:
-    """Lines of the part seen from below, as (y, x): its feet, and the silhouette of its outer profile beyond them."""
-    lines = [*_feet_mm(lens, "outer"), *_feet_mm(lens, "inner")]
-    return _along_y(lens, [*lines, *_ends_mm(lens, "outer")])
+    """Lines of the part seen from below, as (y, x): its feet, the silhouette of its envelope beyond them, and edges."""
+    envelope = _outline(lens, BODY)
+    cavity = _outline(lens, CAVITY)
+    feet = [*envelope[[0, -1], 1], *cavity[[0, -1], 1]]
+    return _along_y(lens, [*map(float, feet), *_extremes(envelope[:, 1]), *_edges_mm(lens, CAVITY)])
 
 
 def drawn_dome_lines(lens: Lens) -> list[ViewLine]:
-    """Lines of the part seen along -z, as (-y, x): the silhouette of its outer profile."""
-    return _along_y(lens, _ends_mm(lens, "outer"))
+    """Lines of the part seen along -z, as (-y, x): the silhouette of its envelope, and edges."""
+    return _along_y(lens, [*_extremes(_outline(lens, BODY)[:, 1]), *_edges_mm(lens, BODY)])
 
 
 def drawn_dimensions(lens: Lens) -> list[Dimension]:
     """Sizes of the section, and the length."""
     half = _shown_half_mm(lens)
     length = Dimension(LENGTH, _length_mm(lens), "length", ((-half, 0.0), (half, 0.0)), "base")
-    return without_repeats([*_of_section(lens), length])
+    return without_repeats([*_of_section(lens), *_of_creases(lens), length])
 
 
-def _profile(lens: Lens, face: str, angles_rad: Float[np.ndarray, " n"]) -> Points:
-    """Points (z, x) of a profile at angles from z."""
-    surface = lens.surfaces[face]
-    assert isinstance(surface, DrawnFace)
-    return surface.points(angles_rad)[:, ::-1]
+def _outline(lens: Lens, medium: str) -> Points:
+    """Dense points (z, x) of one side of the section, from foot to foot."""
+    arcs = lens.body.arcs(medium)
+    corners = [arc.high_rad for arc in arcs[:-1]]
+    return points_along(arcs, np.unique(np.concatenate([_DENSE_RAD, corners])))[:, ::-1]
 
 
-def _feet_mm(lens: Lens, face: str) -> list[float]:
-    """x of both feet of a profile."""
-    feet = _profile(lens, face, np.array([-_FOOT_RAD, _FOOT_RAD]))
-    return [float(x) for x in feet[:, 1]]
+def _creases(lens: Lens, medium: str) -> Iterator[tuple[str, Points]]:
+    """Each crease on a side of the section, by the names of its faces, and its point (z, x)."""
+    for inner, outer in pairwise(lens.body.arcs(medium)):
+        yield f"crease of {inner.name} and {outer.name}", inner.face.points(np.array([inner.high_rad]))[0, ::-1]
+
+
+def _edges_mm(lens: Lens, medium: str) -> list[float]:
+    """x of the creases on a side of the section."""
+    return [float(point[1]) for _, point in _creases(lens, medium)]
 
 
 def drawn_width_mm(lens: Lens, face: str) -> float:
-    """Width (mm) of a profile along x."""
-    low, high = _ends_mm(lens, face)
+    """Width (mm) of a face along x."""
+    arcs = [arc for arc in lens.body.arcs(lens.body.face(face).before) if arc.name == face]
+    low, high = _extremes(np.concatenate([arc.face.points(arc.angles(len(_DENSE_RAD)))[:, 0] for arc in arcs]))
     return high - low
 
 
-def _ends_mm(lens: Lens, face: str) -> list[float]:
-    """Least and largest x of a profile."""
-    across = _profile(lens, face, _DENSE_RAD)[:, 1]
-    return [float(across.min()), float(across.max())]
+def _width_mm(lens: Lens) -> float:
+    """Largest width (mm) of the part along x."""
+    low, high = _extremes(_outline(lens, BODY)[:, 1])
+    return high - low
+
+
+def _extremes(values: Float[np.ndarray, " n"]) -> list[float]:
+    return [float(values.min()), float(values.max())]
 
 
 def _length_mm(lens: Lens) -> float:
@@ -82,12 +96,12 @@ def _length_mm(lens: Lens) -> float:
 
 def _is_broken(lens: Lens) -> bool:
     """True for a part that is too long for whole views along y."""
-    return _length_mm(lens) > _WHOLE * drawn_width_mm(lens, "outer")
+    return _length_mm(lens) > _WHOLE * _width_mm(lens)
 
 
 def _shown_half_mm(lens: Lens) -> float:
     """Half of the length (mm) on paper of a view along y."""
-    return _SHOWN * drawn_width_mm(lens, "outer") if _is_broken(lens) else 0.5 * _length_mm(lens)
+    return _SHOWN * _width_mm(lens) if _is_broken(lens) else 0.5 * _length_mm(lens)
 
 
 def _along_y(lens: Lens, across_mm: list[float]) -> list[ViewLine]:
@@ -109,19 +123,34 @@ def _along_y(lens: Lens, across_mm: list[float]) -> list[ViewLine]:
 
 
 def _of_section(lens: Lens) -> Iterator[Dimension]:
-    gap = lens.spec.part_tolerances.amount("outer", "gap_mm")
-    low, high = (float(_profile(lens, face, np.zeros(1))[0, 0]) for face in ("inner", "outer"))
-    feet = {face: _feet_mm(lens, face) for face in ("outer", "inner")}
-    side = feet["outer"][0]
-    outline = _profile(lens, "outer", _DENSE_RAD)
-    top = outline[np.argmax(outline[:, 0])]
-    left, right = (outline[k(outline[:, 1])] for k in (np.argmin, np.argmax))
-    yield Dimension("outer apex above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
+    outer, inner = (_outline(lens, medium) for medium in (BODY, CAVITY))
+    low, high = (_height_on_axis(lens, medium) for medium in (CAVITY, BODY))
+    top_face = lens.body.arcs(BODY)[len(lens.body.arcs(BODY)) // 2].name
+    gap = lens.spec.part_tolerances.amount(top_face, "gap_mm")
+    side = float(outer[0, 1])
+    top = outer[np.argmax(outer[:, 0])]
+    left, right = (outer[k(outer[:, 1])] for k in (np.argmin, np.argmax))
+    yield Dimension(f"{apex_title(top_face)} above z = 0", high, "axis", ((0.0, side), (high, 0.0)))
     yield Dimension("apex of the cavity above z = 0", low, "axis", ((0.0, side), (low, 0.0)))
     yield Dimension("thickness on the axis", high - low, "axis", ((low, 0.0), (high, 0.0)), tolerance_mm=gap or None)
     yield Dimension("overall height", float(top[0]), "section", ((0.0, side), (float(top[0]), float(top[1]))))
-    for name, face in ((WIDTH, "outer"), ("opening of the cavity in z = 0, along x", "inner")):
-        start, end = feet[face]
+    for name, line in ((WIDTH, outer), ("opening of the cavity in z = 0, along x", inner)):
+        start, end = line[[0, -1], 1].tolist()
         yield Dimension(name, end - start, "section", ((0.0, start), (0.0, end)), upright=True)
     ends = (float(left[0]), float(left[1])), (float(right[0]), float(right[1]))
     yield Dimension("largest width, along x", ends[1][1] - ends[0][1], "section", ends, upright=True)
+
+
+def _height_on_axis(lens: Lens, medium: str) -> float:
+    return float(points_along(lens.body.arcs(medium), np.zeros(1))[0, 1])
+
+
+def _of_creases(lens: Lens) -> Iterator[Dimension]:
+    """Height of each crease, and the width between those of the same faces."""
+    for medium in (BODY, CAVITY):
+        ends = list(_creases(lens, medium))
+        for (name, left), (_, right) in zip(ends[: len(ends) // 2], ends[::-1], strict=False):
+            across = (float(left[0]), float(left[1])), (float(right[0]), float(right[1]))
+            yield Dimension(f"{name}, along x", across[1][1] - across[0][1], "section", across, upright=True)
+            for side, place in zip(("x < 0", "x > 0"), across, strict=True):
+                yield Dimension(f"{name} above z = 0, {side}", place[0], "section", ((0.0, place[1]), place))

@@ -191,8 +191,9 @@ class FaceSamples:
         length_mm = self.face.drawn_mm
         if length_mm is not None:
             rule = area_rule(azimuths=2)
-            jet = self.face.patch.jet(rule.chart)
-            on_radius = rule.weights / (np.pi * np.abs(rule.chart[:, 0]))  # two azimuths: each a half of the disc
+            chart, weights = rule.over(self.face.domain)
+            jet = self.face.patch.jet(chart)
+            on_radius = weights / (np.pi * np.abs(chart[:, 0]))  # two azimuths: each a half of the disc
             areas = on_radius * np.linalg.norm(jet.x, axis=1) * length_mm
             return FaceArea(rule, jet.point, jet.normal, areas, self.face.sense)
         rule = area_rule()

@@ -20,6 +20,7 @@ from lensforge.surfaces.surface import Surface, to_sphere
 
 PLACES = 17  # columns of the table
 DIGITS = 4  # of its lengths (mm): 0.1 um
+_SIDES = {-1: ", x < 0", 0: "", 1: ", x > 0"}
 _DENSE = 2001  # places of a meridian along which lengths and errors are measured
 _UM_PER_MM = 1e3
 PROFILE_NOTE = "Profiles: distance r from the axis and height z, mm; the spline is cubic over the chords."
@@ -68,7 +69,7 @@ class Profile:
     ``across``: symbol of the first of two coordinates, r or x.
     """
 
-    face: str
+    title: str
     places_mm: Meridian
     error_um: float
     across: str = "r"
@@ -76,24 +77,25 @@ class Profile:
     @property
     def rows(self) -> list[list[str]]:
         """Rows of r and of z, each with its label."""
-        labels = f"{face_title(self.face)}: {self.across}", f"z; spline within {rounded_up(self.error_um, 2)} µm"
+        labels = f"{self.title}: {self.across}", f"z; spline within {rounded_up(self.error_um, 2)} µm"
         columns = zip(labels, self.places_mm.T, strict=True)
         return [[label, *(f"{value:.{DIGITS}f}" for value in values + 0.0)] for label, values in columns]
 
 
-def profile_of(lens: Lens, face: str) -> Profile:
-    """The meridian of a face of revolution over its part of the body, or the profile of one that is drawn along y."""
+def profiles_of(lens: Lens, face: str) -> list[Profile]:
+    """The meridian of a face of revolution over its part of the body, or each arc of one that is drawn along y."""
     surface = lens.surfaces[face]
+    title = face_title(face)
     if lens.spec.lens.drawn_mm is not None:
-        angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _DENSE)
-        return _tabulated(face, surface, in_section(angles), "x")
+        arcs = [arc for arc in lens.body.arcs(lens.body.face(face).before) if arc.name == face]
+        return [_tabulated(f"{title}{_SIDES[arc.side]}", surface, in_section(arc.angles(_DENSE)), "x") for arc in arcs]
     turn = np.zeros(1)
     (low,), (high,) = domain_of(lens, face).radii(turn)
     chart = np.linspace(low, high, _DENSE)
-    return _tabulated(face, surface, to_sphere(np.column_stack([chart, np.zeros(_DENSE)])), "r")
+    return [_tabulated(title, surface, to_sphere(np.column_stack([chart, np.zeros(_DENSE)])), "r")]
 
 
-def _tabulated(face: str, surface: Surface, directions: Float[np.ndarray, "n 3"], across: str) -> Profile:
+def _tabulated(title: str, surface: Surface, directions: Float[np.ndarray, "n 3"], across: str) -> Profile:
     """Places evenly along the curve of ``surface`` over these ``directions`` in the plane y = 0."""
     curve = surface.radius(directions)[:, None] * directions[:, ::2]
     length = way_along(curve)
@@ -102,7 +104,7 @@ def _tabulated(face: str, surface: Surface, directions: Float[np.ndarray, "n 3"]
     chosen = in_section(np.interp(even, length, angles))
     places = np.round(surface.radius(chosen)[:, None] * chosen[:, ::2], DIGITS)
     error_um = _UM_PER_MM * float(np.abs(distance_mm(surface, spline_through(places))).max())
-    return Profile(face, places, error_um, across)
+    return Profile(title, places, error_um, across)
 
 
 def spline_through(places: Meridian) -> Float[np.ndarray, "d 2"]:
@@ -136,7 +138,7 @@ def profile_rows(lens: Lens, faces: Sequence[str]) -> list[list[str]]:
     """Rows for those ``faces``, of revolution or drawn along y, that have no equation."""
     told = [name for name in faces if has_profile(lens, name)]
     listed = [name for name in told if equation(lens.surfaces[name]) is None]
-    return [row for name in listed for row in profile_of(lens, name).rows]
+    return [row for name in listed for profile in profiles_of(lens, name) for row in profile.rows]
 
 
 def profile_widths(width_mm: float) -> list[float]:

@@ -11,6 +11,7 @@ from lensforge.spec.camera_target import CameraTarget
 from lensforge.spec.cut_off import CutOffLimit
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.extruded import ExtrudedSection
+from lensforge.spec.extruded_tir import ExtrudedTirSection
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.far_field_targets import BeamTarget
 from lensforge.spec.internal_reflection import ExitFace, TirSection
@@ -52,6 +53,7 @@ __all__ = [
     "EvaluateSection",
     "ExitFace",
     "ExtrudedSection",
+    "ExtrudedTirSection",
     "FaceSection",
     "FlangeSection",
     "FlatTopTarget",

@@ -6,7 +6,7 @@ face is far away. Rays meet such a face by their shadows (``kernels.drawn_faces`
 its radius elsewhere serves curvatures and normals beside that plane.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.surfaces.profile import ProfileBasis, Reciprocals
 from lensforge.surfaces.reciprocal import ReciprocalSurface
-from lensforge.surfaces.surface import recorded
+from lensforge.surfaces.surface import gradient_on_sphere, recorded, to_chart, to_sphere
 
 _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
@@ -23,6 +23,9 @@ _Values = Float[np.ndarray, " n"]
 BEYOND_RAD = 0.15  # below the plane z = 0 up to which a profile bends: tables and exports reach a little below it
 _SIDES = 2001  # angles at which profiles are compared
 _DETAIL = 0.7  # of a step between knots: sigma of a Gaussian as wide as a quintic B-spline
+_FAR = 1e-4  # weight, in a fit, of places without points
+_STRAIGHT = 3e-3  # and of third differences, by which a profile goes on beyond its ends
+_BESIDE = 0.25  # of the chart: no farther from the section is a part looked at
 _TINY = np.finfo(float).tiny
 
 
@@ -42,6 +45,21 @@ def in_section(angles_rad: _Values) -> _Vectors:
     return np.column_stack([np.sin(angles_rad), np.zeros_like(angles_rad), np.cos(angles_rad)])
 
 
+def beside_section(directions: _Vectors) -> _Vectors:
+    """Directions of which those beside the plane y = 0 are nearer to it: those on it, and all derivatives up to the
+    second, are the same.
+
+    A profile that comes near the y axis goes up steeply towards its poles, where no ray asks for it.
+    """
+    chart = to_chart(directions)
+    return to_sphere(np.column_stack([chart[:, 0], _BESIDE * np.tanh(chart[:, 1] / _BESIDE)]))
+
+
+def _scale(chart: Float[np.ndarray, "n 2"]) -> _Values:
+    """Length on the sphere for a unit of the chart."""
+    return 2.0 / (1.0 + np.sum(chart**2, axis=1))
+
+
 @recorded("extruded", "A face drawn along y: the reciprocal distance (1/mm) from the y axis as a spline of the angle.")
 @dataclass(frozen=True)
 class DrawnFace(ReciprocalSurface):
@@ -55,10 +73,13 @@ class DrawnFace(ReciprocalSurface):
     def __post_init__(self) -> None:
         if not np.isfinite(self.coefficients).all():
             raise InputError("extruded: a coefficient is infinite, or no number")
+        self._require_closed()
+        super().__post_init__()
+
+    def _require_closed(self) -> None:
         least = float(self._splines[0](np.linspace(0.0, len(self.coefficients) - 5.0, _SIDES)).min())
         if not least > 0.0:
             raise InputError(f"extruded: the profile falls to {least:.3g} /mm, and meets itself; it must stay above 0")
-        super().__post_init__()
 
     @property
     def detail_rad(self) -> float:
@@ -69,7 +90,7 @@ class DrawnFace(ReciprocalSurface):
     def mirrored(self) -> "DrawnFace":
         """The mean of the face and its image in the plane x = 0."""
         sides = np.array(self.coefficients)
-        return DrawnFace(self.reach_mm, tuple((0.5 * (sides + sides[::-1])).tolist()))
+        return replace(self, coefficients=tuple((0.5 * (sides + sides[::-1])).tolist()))
 
     def with_coefficients(self, count: int) -> "DrawnFace":
         """The nearest face of so many coefficients; itself where it has them."""
@@ -77,7 +98,7 @@ class DrawnFace(ReciprocalSurface):
             return self
         basis = profile_basis(count)
         angles = np.linspace(basis.low, basis.high, _SIDES)
-        return DrawnFace(self.reach_mm, basis.nearest(angles, self.basis.value(self._splines, angles)))
+        return replace(self, coefficients=basis.nearest(angles, self.basis.value(self._splines, angles)))
 
     @cached_property
     def basis(self) -> ProfileBasis:
@@ -110,6 +131,57 @@ class DrawnFace(ReciprocalSurface):
     @cached_property
     def _splines(self):  # type: ignore[no-untyped-def]  # three splines of SciPy
         return self.basis.splines(np.array(self.coefficients))
+
+
+@recorded("extruded_part", "A face drawn along y that bounds its medium at some angles: elsewhere another is nearer.")
+@dataclass(frozen=True)
+class DrawnPart(DrawnFace):
+    """A profile of which other faces hide a part, where it may lie anywhere: S may fall to 0 and below there."""
+
+    @staticmethod
+    def through(points: Float[np.ndarray, "n 2"], reach_mm: float, count: int) -> "DrawnPart":
+        """The nearest profile to ``points`` (x, z), in S: far away without any, straight on beyond its feet."""
+        basis = profile_basis(count)
+        angles = np.arctan2(points[:, 0], points[:, 1]) / np.pi
+        everywhere = np.linspace(basis.low, basis.high, _SIDES)
+        known = np.sort(np.concatenate([angles, everywhere[np.abs(everywhere) > 0.5]]))
+        place = np.clip(np.searchsorted(known, everywhere), 1, len(known) - 1)
+        empty = everywhere[known[place] - known[place - 1] > basis.step]
+        far = np.concatenate([_FAR * basis.matrix(empty), _STRAIGHT * np.diff(np.eye(count), 3, axis=0)])
+        rows = np.concatenate([basis.matrix(angles), far])
+        wanted = np.concatenate([1.0 / np.hypot(points[:, 0], points[:, 1]), np.zeros(len(far))])
+        return DrawnPart(reach_mm, tuple(np.linalg.lstsq(rows, wanted, rcond=None)[0].tolist()))
+
+    @cached_property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of the narrowest feature: of its functions, or of a Gaussian as high and as curved as its radius.
+
+        The latter is where it goes over into its continuation.
+        """
+        angles, step = np.linspace(-0.5 * np.pi - BEYOND_RAD, 0.5 * np.pi + BEYOND_RAD, _SIDES, retstep=True)
+        radii = self.radius(in_section(angles))
+        curvature = float(np.abs(np.diff(radii, 2)).max()) / step**2
+        return min(super().detail_rad, float(np.sqrt(2.0 * np.ptp(radii) / max(curvature, _TINY))))
+
+    def radius(self, directions: _Vectors) -> _Values:
+        """``rho`` (mm) at unit ``directions``, taken :func:`beside_section`."""
+        return super().radius(beside_section(directions))
+
+    def gradient(self, directions: _Vectors) -> _Vectors:
+        """Tangential gradient of ``rho`` on the unit sphere (mm/rad)."""
+        beside = beside_section(directions)
+        chart, there = to_chart(directions), to_chart(beside)
+        gradient = super().gradient(beside)
+        away = np.zeros(len(there)), np.ones(len(there))
+        along_x, along_y = (
+            _scale(there)[:, None] * (np.column_stack([*unit, -there[:, axis]]) - there[:, [axis]] * beside)
+            for axis, unit in enumerate((away[::-1], away))
+        )
+        slopes = np.column_stack([(gradient * along_x).sum(axis=1), (gradient * along_y).sum(axis=1)])
+        return gradient_on_sphere(chart, slopes * np.column_stack([away[1], np.cosh(chart[:, 1] / _BESIDE) ** -2.0]))
+
+    def _require_closed(self) -> None:
+        pass
 
 
 REACH = 1.6  # of a face over the largest radius of its lens

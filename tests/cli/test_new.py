@@ -200,18 +200,20 @@ def test_a_lens_that_has_no_room_is_not_advised() -> None:
 @pytest.mark.parametrize("kind", LensShape.kinds)
 def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_path: Path) -> None:
     light = ("--source", "square:1.5", "--target", "beam:20", "--max-radius", "12", "--lens", kind)
-    force = ("--force",) * (kind == "extruded")  # profiles make no round beam
+    force = ("--force",) * kind.startswith("extruded")  # profiles make no round beam
     code, _, errors = lensforge("new", tmp_path / "new.toml", *light, "--cutter", "0.7", *force)
     spec = load_spec(tmp_path / "new.toml")
     assert (code, spec.lens.kind) == (0, kind)
     message = "lensforge: 1.5 mm square Lambertian source; target: gaussian beam 20° in the far field, to 26.7°\n"
     assert errors.endswith(message) and (errors == message) == (not force), "what was written"
     assert ("try a target that is longer along y" in errors) == bool(force)
-    milled = kind in {"double", "extruded"}
+    milled = kind in {"double", "extruded", "extruded_tir"}
     assert spec.manufacture.process == ("milled" if milled else "turned")
     shaped = [name for name in spec.lens.free if not spec.lens.role(name).follows]
     kept = {name: tuple(vars(spec.face_limits(name)).values()) for name in shaped}
-    if milled:  # what is drawn has no base below its outer face that a draft would be for
+    if kind == "extruded_tir":
+        assert set(kept.values()) == {(0.7, None), (0.7, 0.0)}
+    elif milled:  # what is drawn has no base below its outer face that a draft would be for
         assert kept == {
             "inner": (0.7, pytest.approx(undercut_deg(spec))),
             "outer": (0.7, 0.0 if kind == "double" else None),
@@ -223,6 +225,9 @@ def test_a_new_spec_of_every_kind_is_valid_and_names_examples(kind: str, tmp_pat
     (named,) = re.findall(r"# Nearest shipped examples: (.*)\.", text)
     assert all(load_spec(EXAMPLES / f"{name}.toml").lens.kind == kind for name in named.split(", "))
     assert text.count("cutter_radius_mm = 0.7") == milled, "what is turned needs no ball"
+    usual = lensforge("new", *light, "--force")[1]
+    drawn = kind.startswith("extruded")
+    assert (parse_spec(tomllib.loads(usual), "usual").manufacture.process == "extruded") == drawn
 
 
 def test_a_wall_beside_the_axis_is_a_receiver_in_its_place_and_takes_a_lens_that_is_not_of_revolution() -> None:

@@ -25,7 +25,7 @@ from lensforge.shop.drawn_tables import drawn_point_tables
 from lensforge.shop.drawn_views import LENGTH, WIDTH, drawn_dimensions
 from lensforge.shop.part_models import models_of
 from lensforge.shop.point_tables import GridRequest, PointTables, origin_lines
-from lensforge.shop.profile_table import profile_of
+from lensforge.shop.profile_table import profiles_of
 from lensforge.shop.sheet_tables import optical_table, tolerance_table
 from lensforge.shop.shop_files import make_handover
 from lensforge.surfaces.drawn_profile import DrawnFace, round_profile
@@ -209,7 +209,7 @@ def test_a_drawing_has_the_length_three_datums_and_both_profiles(results: Result
     for text in ("Datum A: plane z = 0", "Datum B: middle plane of the feet", "Datum C: middle plane of the ends"):
         assert text in page
     for name, face in FACES.items():
-        profile = profile_of(results.lens, name)
+        profile = profiles_of(results.lens, name)[0]
         angles = np.arctan2(*profile.places_mm.T)
         assert profile.places_mm == pytest.approx(face.points(angles), abs=1e-4)
         assert angles[[0, -1]] == pytest.approx([-0.5 * np.pi, 0.5 * np.pi], abs=1e-4)
