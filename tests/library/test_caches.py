@@ -122,6 +122,18 @@ def lit_hits(height_mm: float, place_mm: tuple[float, float, float], radius_mm: 
     return corners
 
 
+def opaque_corners(height_mm: float) -> list[list[float]]:
+    """Corners of a box beside a clear one of the same height."""
+    from lensforge.spec.housing_sections import HousingBox
+
+    box = {"size_mm": (9.0, 9.0, height_mm), "centre_mm": (0.0, 0.0, 30.0)}
+    clear = {"surface": "clear", "refractive_index": 1.5, "centre_mm": (20.0, 0.0, 30.0)}
+    housing = Housing.of([HousingBox(name="wall", **box), HousingBox(name="pane", **box | clear)])
+    assert housing is not None and housing.opaque is not None
+    corners: list[list[float]] = np.sort(housing.opaque.tree.corners.reshape(-1, 9)).tolist()
+    return corners
+
+
 def wall_patches(thick: float, patch_mm: float, folder: Path) -> list[float]:
     """Areas of the patches of a wall of a file, whose name stays the same."""
     import trimesh
@@ -157,6 +169,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
     "scene.body_patches._patches": (
         wall_patches, [(2.0, 3.0, Path()), (3.0, 3.0, Path()), (2.0, 1.5, Path())]),
     "scene.housing._housing": (wall_hits, [(2.0, 30.0, Path()), (3.0, 30.0, Path()), (2.0, 35.0, Path())]),
+    "scene.housing._opaque": (opaque_corners, [(2.0,), (3.0,)]),
     "scene.housing._lit_tree": (
         lit_hits,
         [(2.0, (0.0, 0.0, 0.0), 3.0), (3.0, (0.0, 0.0, 0.0), 3.0), (2.0, (0.0, 0.0, 60.0), 3.0),
@@ -172,7 +185,7 @@ ASKED: dict[str, tuple[Callable[..., Any], list[tuple[Any, ...]]]] = {
         [(RINGS, None), (None, RINGS), (replace(RINGS, follows=False), None)]),
     "scene.target_pattern._drawn": (target, [(90.0, 300.0), (120.0, 300.0), (90.0, 200.0)]),
     "search.face_fields._directions": (_directions, [(TableGrid(9),), (TableGrid(11),)]),
-    "seeds._few": (sobol, [(64, 4, 7), (64, 4, 8), (128, 4, 7), (64, 5, 7)]),
+    "seeds._few": (sobol, [(64, 4, 7), (64, 4, 8), (128, 4, 7), (64, 5, 7), (64, 4, 7, 1)]),
     "shop.face_samples.area_rule": (lambda *all_: area_rule(*all_).weights, [(24, 32), (25, 32), (24, 40)]),
     "shop.sheet._width_points": (_width_points, [("iii",), ("mmm",)]),
     "spec.fixed_surface._shape_of": (
