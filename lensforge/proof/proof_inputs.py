@@ -161,7 +161,7 @@ def _obstacle(body: HousingSection, mesh: SolidMesh) -> ObstacleBody:
         body.centre_mm,
         reflectance=body.reflectance or 0.0,
         diffuse=body.surface == "diffuse",
-        refractive_index=body.refractive_index or 0.0,
+        refractive_index=body.index,
         absorption_per_mm=body.absorption_per_mm or 0.0,
     )
 

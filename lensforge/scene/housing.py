@@ -121,7 +121,7 @@ class Finishes(NamedTuple):
         return Finishes(
             reflectances=np.array([section.reflectance or 0.0 for section in sections]),
             diffuse=np.array([section.surface == "diffuse" for section in sections]),
-            indices=np.array([section.refractive_index or 0.0 for section in sections]),
+            indices=np.array([section.index for section in sections]),
             absorptions=np.array([section.absorption_per_mm or 0.0 for section in sections]),
         )
 

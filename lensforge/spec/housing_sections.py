@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
+from lensforge.optics.material import D_LINE_NM, MATERIALS
 from lensforge.optics.media import Reflection
 from lensforge.optics.pose import Pose, Vector
 from lensforge.public import public
@@ -19,13 +20,13 @@ from lensforge.spec.emitter_section import Degrees, Turn
 from lensforge.spec.lamps_section import Lamps
 from lensforge.spec.lens_section import LensShape
 from lensforge.spec.spec_files import alike
-from lensforge.spec.spec_section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Section, check
+from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, MillimetresOrZero, Section, check
 
 MOST_BODIES = 32
 
 Wall = Literal["black", "diffuse", "mirror"]
 Finish = Literal[Wall, "clear"]
-_OF_CLEAR = ("refractive_index", "absorption_per_mm")
+_OF_CLEAR = ("refractive_index", "material", "absorption_per_mm")
 _Reflectance = Annotated[float, Field(ge=0.0, le=1.0)] | None
 
 
@@ -65,6 +66,10 @@ class HousingSection(OfSeveralKinds, Section):
     refractive_index: Annotated[float, Field(gt=1.0, le=4.0)] | None = Field(
         default=None, description="Index of a clear body, over that of what surrounds it, at all wavelengths."
     )
+    material: Label | None = Field(
+        default=None,
+        description="Material of the catalogue in place of `refractive_index`: that at 587.6 nm, at all wavelengths.",
+    )
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] | None = Field(
         default=None, description="Absorption of a clear body (Beer and Lambert); by default none."
     )
@@ -90,14 +95,16 @@ class HousingSection(OfSeveralKinds, Section):
     @check
     def _material_fits(self) -> None:
         if self.surface == "clear":
-            if self.refractive_index is None:
-                raise ValueError('surface = "clear": give its refractive_index')
+            if (self.refractive_index is None) == (self.material is None):
+                raise ValueError('surface = "clear": give one of refractive_index and material')
+            if self.material is not None and self.material not in MATERIALS:
+                raise ValueError(f"material = {self.material!r}: must be one of {', '.join(MATERIALS)}")
             if self.patch_mm is not None:
                 raise ValueError("patch_mm: light on a clear body is not measured, as it passes; leave it out")
             return
         for name in _OF_CLEAR:
             if (given := getattr(self, name)) is not None:
-                raise ValueError(f'{name} = {given:g}: of a clear body only; give surface = "clear", or leave it out')
+                raise ValueError(f'{name} = {given}: of a clear body only; give surface = "clear", or leave it out')
 
     @check
     def _lights_no_patch_of_its_own(self) -> None:
@@ -120,6 +127,11 @@ class HousingSection(OfSeveralKinds, Section):
     def bodies(self) -> "tuple[HousingSection, ...]":
         """The bodies that light meets, of a shape and a reflectance each: itself."""
         return (self,)
+
+    @property
+    def index(self) -> float:
+        """Refractive index of a clear body; 0 of any other."""
+        return self.refractive_index or (MATERIALS[self.material].index_at(D_LINE_NM) if self.material else 0.0)
 
     @property
     def is_convex(self) -> bool:

@@ -372,7 +372,12 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"scene": [{**BEZEL, "bore_radius_mm": 70.0}]}, "bore_radius_mm = 70: must be less than radius_mm = 70"),
     ({"scene": [BEZEL], "lamps": {"kind": "endless", "pitch_mm": 60.0}}, "an endless lattice of lamps would need"),
     ({"scene": [BEZEL], "lens__cover_glass": GLASS}, "leave out the glass"),
-    ({"scene": [BEZEL | {"surface": "clear"}]}, 'surface = "clear": give its refractive_index'),
+    ({"scene": [BEZEL | {"surface": "clear"}]}, 'surface = "clear": give one of refractive_index and material'),
+    (
+        {"scene": [BEZEL | {"surface": "clear", "material": "jelly"}]},
+        "material = 'jelly': must be one of PMMA, PC",
+    ),
+    ({"scene": [BEZEL | {"material": "PMMA"}]}, "material = PMMA: of a clear body only; give surface"),
     ({"scene": [BEZEL | {"refractive_index": 1.5}]}, "refractive_index = 1.5: of a clear body only"),
     ({"scene": [BEZEL | GLASSY | {"reflectance": 0.5}]}, "a clear surface reflects by its refractive_index"),
     ({"scene": [BEZEL | GLASSY | {"patch_mm": 5.0}]}, "light on a clear body is not measured"),

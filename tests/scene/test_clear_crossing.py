@@ -13,10 +13,12 @@ from lensforge.cad.mesh import BodyMesh
 from lensforge.cad.mesh_files import stl_bytes
 from lensforge.optics.pose import Pose
 from lensforge.proof.obstacles import Met, ObstacleBody, Obstacles
+from lensforge.proof.proof_inputs import _obstacle
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Housing, Shadow
 from lensforge.scene.housing_mesh import mesh_of
 from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingFile, HousingSection
+from lensforge.surfaces.solid_file import SolidMesh
 
 INDEX, PER_MM = 1.58, 0.02
 CLEAR: dict[str, Any] = {"surface": "clear", "refractive_index": INDEX, "absorption_per_mm": PER_MM, **TURNED}
@@ -99,6 +101,14 @@ def test_a_round_body_turns_light_as_its_circle_does(kind: str, tmp_path: Path) 
     across, along, behind = transmitted(np.abs(sine))
     flux = 0.5 * (across**2 + along**2) * np.exp(-PER_MM * 16.0 * behind)
     assert shadow.onward == pytest.approx(flux, abs=0.01)
+
+
+def test_the_index_of_a_material_is_that_at_the_d_line_in_the_light_and_in_the_proof() -> None:
+    pane = HousingBox(name="pane", size_mm=(9.0, 9.0, 1.0), surface="clear", material="PMMA")
+    wall = HousingBox(name="wall", size_mm=(9.0, 9.0, 1.0), centre_mm=(0.0, 0.0, 9.0))
+    assert housing_of(wall, pane).finishes.indices == pytest.approx([0.0, 1.4925], abs=1e-4)
+    mesh = SolidMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+    assert [_obstacle(body, mesh).refractive_index for body in (wall, pane)] == pytest.approx([0.0, 1.4925], abs=1e-4)
 
 
 def test_light_that_a_corner_reflects_totally_stays_in_it() -> None:
