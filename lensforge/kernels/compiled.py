@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache, cached_property, partial, reduce
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, SupportsFloat, cast
 
 import numba
@@ -89,14 +90,22 @@ class _SharedCache(FunctionCache):
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The kernel, compiled earlier or meanwhile by another process; None if this one is to compile it."""
-        overload = super().load_overload(signature, target)
+        overload = self._kept(signature, target)
         if overload is None:
             with suppress(OSError):  # no locks on this file system, or no end: compiled once more
                 self._lock.acquire()
-            overload = super().load_overload(signature, target)
+            overload = self._kept(signature, target)
             if overload is not None:
                 self._lock.release(force=True)
         return overload
+
+    def _kept(self, signature: Any, target: Any) -> Any:
+        try:
+            return super().load_overload(signature, target)
+        except (EOFError, UnpicklingError):  # a full disk or a power cut has left a part of a file
+            with suppress(OSError):
+                self.flush()
+            return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep a kernel that this process has compiled, and let others load it."""
@@ -204,7 +213,9 @@ def _temporary_cache(carried: Path) -> Path:
         raise InputError(f"{place}; make room, or set XDG_CACHE_HOME to a folder that can be written") from None
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     copied = Path(folder) / carried.name
-    with suppress(OSError):  # it is no folder, or there is no room: compiled
+    try:
         _copy_kernels(carried, copied)
+    except OSError:  # it is no folder, or there is no room, and a file may be cut short: compiled
+        shutil.rmtree(copied, ignore_errors=True)
     copied.mkdir(exist_ok=True)
     return copied

@@ -1,6 +1,7 @@
 """The cache of compiled kernels: all that is compiled lies in one folder, whose content is its key."""
 
 import ast
+import errno
 import os
 import shutil
 import subprocess
@@ -12,7 +13,7 @@ import pytest
 from numba.core.caching import FunctionCache
 
 import lensforge
-from lensforge.kernels.compiled import cache_folder
+from lensforge.kernels.compiled import cache_folder, kernel
 from lensforge.kernels.fate import Fate
 from lensforge.kernels.sparse import add_transposed
 
@@ -77,11 +78,36 @@ def test_kernels_of_a_cache_that_cannot_be_written_serve_every_process(
     other = cache_folder(KERNELS)
     assert other != own and other.name == own.name, "numba takes the name for a stamp of the sources"
     assert contents(other) == contents(own)
+    with monkeypatch.context() as full:
+        full.setattr("shutil.copyfile", cut_short)
+        assert contents(cache_folder(KERNELS)) == {}, "no file of which a part is missing"
     shutil.rmtree(own)
     monkeypatch.setattr("lensforge.kernels.compiled._begin_with", lambda *_: refuse())
     assert contents(cache_folder(KERNELS)) == {"a.nbi": "a.nbi", "a.1.nbc": "a.1.nbc"}
     shutil.rmtree(carried)
     assert contents(cache_folder(KERNELS)) == {}
+
+
+def cut_short(_: str, copied: str) -> None:
+    """A copy onto a disk that is full."""
+    Path(copied).write_bytes(b"a")
+    raise OSError(errno.ENOSPC, "no space left on device")
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_kernel_of_which_a_part_is_left_is_compiled_again(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def doubled(x: float) -> float:
+        return 2.0 * x
+
+    monkeypatch.setattr("lensforge.kernels.compiled._folder_of", lambda _: tmp_path)
+    assert kernel(doubled)(3.0) == 6.0
+    (file,) = tmp_path.glob(f"*.{suffix}")
+    file.write_bytes(file.read_bytes()[:-9])
+    for hits in (0, 1):
+        again: Any = kernel(doubled)
+        assert again(3.0) == 6.0 and sum(again.stats.cache_hits.values()) == hits
 
 
 _MULTIPLY = """

@@ -372,7 +372,7 @@ def test_a_silvered_wall_keeps_its_share_of_the_light_that_it_turns() -> None:
         ({"lens": {"kind": "tir", "refractive_index": 1.05}}, "raise the index"),
         ({"lens": {"kind": "tir", "side": {"draft_deg": 24.0}}}, "lens: cone: slope"),
         ({"lens": {"kind": "tir", "levels": "auto"}}, "lens.levels"),
-        ({"lens": {"kind": "prism"}}, "double, extruded, tir"),
+        ({"lens": {"kind": "prism"}}, "double, extruded, extruded_tir, tir"),
         (
             {"lens": {}, "optimise": {}, "constraints": {"max_radius_mm": 8.0, **EDGES}},
             "min_edge_angle_deg = 66: .* no edge",

@@ -110,7 +110,7 @@ def other(lens: lf.Lens, amount_mm: float) -> lf.Lens:
 
 
 def test_errors_beyond_what_is_expected_are_told(lens: lf.Lens, shots: Path) -> None:
-    made = lf.infer(other(lens, 0.01), **options(shots, rays=2**16))
+    made = lf.infer(other(lens, 0.01), **options(shots, rays=2**17))
     missed = {criterion.key: criterion for criterion in made.criteria if not criterion.holds}
     assert made.over_expected > 4.0 and "give --expected" in missed["inferred_errors"].remedy
 
