@@ -25,7 +25,9 @@ def _may_be_near(planes, ray):
     px, py, pz, dx, dy, dz, per_x, per_y, per_z, most = ray
     end = (planes[3] - px) * dx + (planes[4] - py) * dy + (planes[5] - pz) * dz
     wide = end * most
-    x, y, z = wide * per_x.or_more(per_x * -1.0), wide * per_y.or_more(per_y * -1.0), wide * per_z.or_more(per_z * -1.0)
+    x = wide * per_x.or_more(per_x * -1.0)
+    y = wide * per_y.or_more(per_y * -1.0)
+    z = wide * per_z.or_more(per_z * -1.0)
     near = ((planes[0] - px) * per_x - x).or_more((planes[1] - py) * per_y - y).or_more((planes[2] - pz) * per_z - z)
     far = ((planes[3] - px) * per_x + x).or_less((planes[4] - py) * per_y + y).or_less((planes[5] - pz) * per_z + z)
     return (near.or_more(0.0) <= far.or_less(end)) & (end >= 0.0)
@@ -46,9 +48,11 @@ def _nearest_of_edge(start, end, direction, least_along, most_along):
         share = (least_along - z0) / (z1 - z0)
         cut = add_scaled(start, share, difference(end, start))
         if z0 < least_along:
-            start, z0 = cut, least_along
+            start = cut
+            z0 = least_along
         else:
-            end, z1 = cut, least_along
+            end = cut
+            z1 = least_along
     a = difference(scaled(1.0 / z0, start), direction)
     b = difference(scaled(1.0 / z1, end), direction)
     along = difference(b, a)
@@ -70,10 +74,14 @@ def _nearest_rim(foot, direction, least_along, most_along, most, tree):
     nearest = most
     rim = direction
     leaves = len(tree.levels)
-    level, index, waiting, against = 0, 0, 0, 0
+    level = 0
+    index = 0
+    waiting = 0
+    against = 0
     going = True
     while going:
-        bits, turned = 0, 0
+        bits = 0
+        turned = 0
         if level == leaves:
             for k in range(tree.starts[index], tree.starts[index + 1]):
                 start = difference(tree.corners[k, 0], foot)

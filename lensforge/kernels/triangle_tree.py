@@ -22,6 +22,7 @@ _HALVINGS = 3  # of a node
 _INSIDE = -1e-9  # barycentric coordinates down to this are inside: no ray slips between two triangles
 _FLAT = 1e-24  # square of a sine: a triangle without area, or one that is seen edge on
 _ALL = np.arange(LANES)
+_ROWS = tuple(range(10))  # of the triangles of a leaf
 AS_MET = np.array(  # by the bits of the halvings against which a ray goes: bits of its children, in its order
     [[(((bits >> (_ALL ^ against)) & 1) << _ALL).sum() for bits in range(2**LANES)] for against in range(LANES)]
 )
@@ -111,7 +112,7 @@ def _boxes_over(ordered: Float[np.ndarray, "t k 3"], starts: Int[np.ndarray, " s
 
 
 def _in_lanes(ordered: Float[np.ndarray, "t 3 3"], starts: Int[np.ndarray, " s"]) -> Float[np.ndarray, "c 10 8"]:
-    """Triangles of all leaves, as :class:`TriangleTree` has them; what is left of eight has no area."""
+    """The ``triangles`` of a :class:`TriangleTree`; lanes of a leaf without a triangle have one without area."""
     leaf = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     corner, first, second = np.moveaxis(ordered, 1, 0)
     first = first - corner
@@ -133,9 +134,17 @@ def _entered(planes, ray):
 
 @bits_of_lanes
 def _met(triangle, ray):
-    """Triangles that a ray meets before a distance, within rounding; volumes times that of ray and triangle."""
-    corner, first, second = triangle[:3], triangle[3:6], triangle[6:9]
-    point, direction, nearest = ray[:3], ray[3:6], ray[6]
+    """Triangles that a ray meets before a distance, to within rounding.
+
+    Barycentric coordinates and distance are left times the square of the volume that ray and triangle span: no lane
+    divides.
+    """
+    corner = triangle[:3]
+    first = triangle[3:6]
+    second = triangle[6:9]
+    point = ray[:3]
+    direction = ray[3:6]
+    nearest = ray[6]
     across = cross.py_func(direction, second)
     volume = dot.py_func(first, across)
     square = volume * volume
@@ -199,7 +208,7 @@ def _distance(point, direction, corners):
 @inline
 def _first_of_leaf(point, direction, tree, leaf, nearest, number):
     """Distance to the first triangle of a leaf before ``nearest``, and its number; else those given."""
-    met = _met(tree.triangles, leaf, (0, 1, 2, 3, 4, 5, 6, 7, 8, 9), (*point, *direction, nearest))
+    met = _met(tree.triangles, leaf, _ROWS, (*point, *direction, nearest))
     while met != 0:
         k = tree.starts[leaf] + lowest_bit(met)
         met &= met - 1
@@ -216,7 +225,7 @@ def _any_of_leaves(point, direction, tree, leaf, bits, reach):
     while bits != 0:
         k = leaf + lowest_bit(bits)
         bits &= bits - 1
-        met = _met(tree.triangles, k, (0, 1, 2, 3, 4, 5, 6, 7, 8, 9), (*point, *direction, reach))
+        met = _met(tree.triangles, k, _ROWS, (*point, *direction, reach))
         if met != 0:
             return tree.numbers[tree.starts[k] + lowest_bit(met)]
     return -1
@@ -236,10 +245,14 @@ def first_hits(points, directions, reaches, tree, distances, numbers):
         signs = negative_bits(direction)
         nearest = reaches[ray]
         number = -1
-        level, index, waiting, against = 0, 0, 0, 0
+        level = 0
+        index = 0
+        waiting = 0
+        against = 0
         going = nearest > 0.0
         while going:
-            bits, turned = 0, 0
+            bits = 0
+            turned = 0
             if level == leaves:
                 nearest, number = _first_of_leaf(point, direction, tree, index, nearest, number)
             else:
@@ -265,7 +278,9 @@ def any_hits(points, directions, reaches, tree, numbers):
         per = reciprocal(direction[0]), reciprocal(direction[1]), reciprocal(direction[2])
         signs = negative_bits(direction)
         number = -1
-        level, index, waiting = 0, 0, 0
+        level = 0
+        index = 0
+        waiting = 0
         going = reaches[ray] > 0.0
         while going:
             node = tree.levels[level] + index

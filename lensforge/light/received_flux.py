@@ -156,8 +156,10 @@ def flux_by_fate(
 def _by_body(
     rays: ExitRays, shadow: Shadow, returned: Float[np.ndarray, " n"], bodies: int
 ) -> Float[np.ndarray, "b 7"]:
-    """Flux (W) that each body takes, of it that of rays that end there, what it ``returned``, what meets it, and the
-    last times its place."""
+    """Sums of flux (W) by body: taken, taken of rays that end there, ``returned``, incident; incident flux times place.
+
+    The last three columns are W mm.
+    """
     met = shadow.met
     flux = rays.flux[met]
     taken = flux * (1.0 - shadow.onward[met])

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import BODY, CAVITY, MOST_EVENTS, OUTSIDE, FaceRole
+from lensforge.optics.face_roles import COLLIMATOR, MOST_EVENTS
 from lensforge.public import public
 from lensforge.spec.drawn_shape import DrawnShape
 from lensforge.spec.face_section import FaceSection
@@ -27,12 +27,7 @@ class ExtrudedTirSection(DrawnShape):
     that the size of the LED, the radius and the beam require.
     """
 
-    roles = (
-        FaceRole("cap", CAVITY, BODY, on_axis=True),
-        FaceRole("side", CAVITY, BODY),
-        FaceRole("wall", BODY, OUTSIDE, reflects=True, widens=True, is_placed=True),
-        FaceRole("exit", BODY, OUTSIDE, on_axis=True, is_placed=True),
-    )
+    roles = COLLIMATOR
     title = "linear lens for total internal reflection"
     radius_about_axis = True
     kind: Literal["extruded_tir"] = "extruded_tir"
@@ -86,6 +81,6 @@ class ExtrudedTirSection(DrawnShape):
 
 
 def _half_sine(across: LightAcross) -> float:
-    """Half of the width of the light in the plane y = 0, without what is in its last hundredths."""
+    """Half width, as a sine, of the light in the plane y = 0, without the outermost hundredth on both sides."""
     low, high = np.sin(np.interp([0.01, 0.99], across.shares, across.angles_rad))
     return max(0.5 * float(high - low), _NARROWEST)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, RIM_FLANGE, FaceRole
+from lensforge.optics.face_roles import COLLIMATOR, RIM_FLANGE
 from lensforge.public import public
 from lensforge.spec.derived_values import rounded_length
 from lensforge.spec.face_section import FaceSection, FlangeSection
@@ -67,12 +67,7 @@ class TirSection(ProfiledShape):
     of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
     """
 
-    roles = (
-        FaceRole("cap", CAVITY, BODY, on_axis=True),
-        FaceRole("side", CAVITY, BODY),
-        FaceRole("wall", BODY, OUTSIDE, reflects=True, widens=True, is_placed=True),
-        FaceRole("exit", BODY, OUTSIDE, on_axis=True, is_placed=True),
-    )
+    roles = COLLIMATOR
     title = "lens for total internal reflection"
     may_be_thin = True
     kind: Literal["tir"] = "tir"

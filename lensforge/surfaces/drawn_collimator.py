@@ -101,13 +101,14 @@ class HalfSection:
         normals = towards(np.maximum(self.psi_rad, least)) - ways
         facing = (normals * ways).sum(axis=1)
         by_length = -(normals * np.gradient(ways, _ANGLES, axis=0)).sum(axis=1) / facing
-        own = -(normals * np.gradient(starts, _ANGLES, axis=0)).sum(axis=1) / facing
+        by_start = -(normals * np.gradient(starts, _ANGLES, axis=0)).sum(axis=1) / facing
         growth = np.exp(_summed(by_length))
-        return _WallSums(starts, ways, growth, _summed(own / growth))
+        return _WallSums(starts, ways, growth, _summed(by_start / growth))
 
     def highest_mm(self, half_mm: float) -> float:
         """Height at which the light through the crease meets a wall whose rim is at ``half_mm``."""
-        start, way = self._wall.starts[self.crease], self._wall.ways[self.crease]
+        start = self._wall.starts[self.crease]
+        way = self._wall.ways[self.crease]
         return float(start[1] + (half_mm - start[0]) * way[1] / way[0])
 
     def wall(self, height_mm: float) -> _Points:

@@ -46,8 +46,7 @@ def in_section(angles_rad: _Values) -> _Vectors:
 
 
 def beside_section(directions: _Vectors) -> _Vectors:
-    """Directions of which those beside the plane y = 0 are nearer to it: those on it, and all derivatives up to the
-    second, are the same.
+    """Directions drawn towards the plane y = 0; on it they and their first two derivatives are unchanged.
 
     A profile that comes near the y axis goes up steeply towards its poles, where no ray asks for it.
     """
@@ -136,7 +135,7 @@ class DrawnFace(ReciprocalSurface):
 @recorded("extruded_part", "A face drawn along y that bounds its medium at some angles: elsewhere another is nearer.")
 @dataclass(frozen=True)
 class DrawnPart(DrawnFace):
-    """A profile of which other faces hide a part, where it may lie anywhere: S may fall to 0 and below there."""
+    """A profile that bounds its medium at some angles. At the others, where faces hide it, S may be 0 or below."""
 
     @staticmethod
     def through(points: Float[np.ndarray, "n 2"], reach_mm: float, count: int) -> "DrawnPart":

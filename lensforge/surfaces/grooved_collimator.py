@@ -95,8 +95,8 @@ class GroovedCollimator:
         from scipy.optimize import brentq
 
         def beyond_side(polar_rad: float) -> float:
-            r, z = self._cap_distance(polar_rad) * np.array([np.sin(polar_rad), np.cos(polar_rad)])
-            return float(r + np.tan(self.draft_rad) * z) - self.cavity_mm
+            along = np.sin(polar_rad) + np.tan(self.draft_rad) * np.cos(polar_rad)
+            return float(self._cap_distance(polar_rad) * along) - self.cavity_mm
 
         most = min(0.5 * np.pi, float(np.arccos(1.0 / self.index)) / self.turn) - 1e-6
         if beyond_side(0.0) >= 0.0:

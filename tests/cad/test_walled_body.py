@@ -43,8 +43,8 @@ def corners(points: np.ndarray, least_deg: float = 5.0) -> np.ndarray:
     ways = np.diff(points, axis=0)
     turned = np.abs(np.diff(np.unwrap(np.arctan2(ways[:, 1], ways[:, 0]))))
     turned = turned[1:] + turned[:-1]  # a corner lies between two points
-    found = np.flatnonzero(turned > np.radians(least_deg))
-    return points[found[np.diff(found, prepend=-9) > 3] + 2]
+    corners = np.flatnonzero(turned > np.radians(least_deg))
+    return points[corners[np.diff(corners, prepend=-9) > 3] + 2]
 
 
 def test_the_lens_has_no_symmetry(part: lf.Part) -> None:

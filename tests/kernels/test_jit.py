@@ -72,16 +72,16 @@ def test_kernels_of_a_cache_that_cannot_be_written_serve_every_process(
     def refuse(**_: object) -> None:
         raise PermissionError("read-only")
 
-    own = cache_folder(KERNELS)
-    (own / "b.nbi").write_text("own")
+    kept = cache_folder(KERNELS)
+    (kept / "b.nbi").write_text("kept")
     monkeypatch.setattr("tempfile.TemporaryFile", refuse)
-    other = cache_folder(KERNELS)
-    assert other != own and other.name == own.name, "numba takes the name for a stamp of the sources"
-    assert contents(other) == contents(own)
+    temporary = cache_folder(KERNELS)
+    assert temporary != kept and temporary.name == kept.name, "numba takes the name for a stamp of the sources"
+    assert contents(temporary) == contents(kept)
     with monkeypatch.context() as full:
         full.setattr("shutil.copyfile", cut_short)
         assert contents(cache_folder(KERNELS)) == {}, "no file of which a part is missing"
-    shutil.rmtree(own)
+    shutil.rmtree(kept)
     monkeypatch.setattr("lensforge.kernels.compiled._begin_with", lambda *_: refuse())
     assert contents(cache_folder(KERNELS)) == {"a.nbi": "a.nbi", "a.1.nbc": "a.1.nbc"}
     shutil.rmtree(carried)

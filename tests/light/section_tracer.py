@@ -57,10 +57,13 @@ class Section:
     def trace(self, origin: np.ndarray, direction: np.ndarray, events: int) -> Ended:
         """Follow a ray from the cavity."""
         along = direction[1]
-        outside, inside = np.sqrt(1.0 - along**2), np.sqrt(self.index**2 - along**2)
-        point, y = origin[[0, 2]], origin[1]
+        outside = np.sqrt(1.0 - along**2)
+        inside = np.sqrt(self.index**2 - along**2)
+        point = origin[[0, 2]]
+        y = origin[1]
         way = direction[[0, 2]] / outside
-        in_body, met = False, list[str]()
+        in_body = False
+        met = list[str]()
         for _ in range(events):
             hits = [self.nearest(polygon, point, way) for polygon in ((0, 1) if in_body else (0,))]
             polygon = int(np.argmin([path for path, _ in hits]))

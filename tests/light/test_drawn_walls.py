@@ -10,6 +10,7 @@ import torch
 from chains import MixedLight
 from landed import by_kernels, in_torch, on_device
 from section_tracer import Section
+from test_drawn_faces import led
 
 from lensforge.kernels.fate import Fate
 from lensforge.light.crease import crease_gradients
@@ -23,7 +24,6 @@ from lensforge.sources.build_source import PlacedSource
 from lensforge.sources.emitting_area import Disc
 from lensforge.sources.intensity import CosinePower
 from lensforge.sources.planar_emitter import PlanarEmitter
-from lensforge.sources.ray_bundle import RayBundle
 from lensforge.surfaces.bicubic_table import TableGrid, tabulate
 from lensforge.surfaces.collimator import Collimator
 from lensforge.surfaces.drawn_profile import DrawnPart
@@ -62,17 +62,6 @@ def crooked() -> dict[str, DrawnPart]:
 
 
 FACES = crooked()
-
-
-def led(count: int, seed: int = 0, spread: float = 0.6) -> RayBundle:
-    """Rays upwards from a rectangle that lies along y, beside the y axis."""
-    rng = np.random.default_rng(seed)
-    origins = np.column_stack(
-        [0.2 + spread * (rng.random(count) - 0.5), 60.0 * (rng.random(count) - 0.5), 0.0 * rng.random(count)]
-    )
-    directions = rng.normal(size=(count, 3))
-    directions[:, 2] = np.abs(directions[:, 2])
-    return RayBundle(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True), rng.random(count))
 
 
 def tables_of(faces: dict[str, DrawnPart]) -> np.ndarray:
