@@ -65,11 +65,5 @@ def bounding(roles: Sequence[FaceRole], medium: str) -> tuple[FaceRole, ...]:
 
 
 SHELL = FaceRole("inner", CAVITY, BODY), FaceRole("outer", BODY, OUTSIDE, is_placed=True)
-COLLIMATOR = (
-    FaceRole("cap", CAVITY, BODY, on_axis=True),
-    FaceRole("side", CAVITY, BODY),
-    FaceRole("wall", BODY, OUTSIDE, reflects=True, widens=True, is_placed=True),
-    FaceRole("exit", BODY, OUTSIDE, on_axis=True, is_placed=True),
-)
 RIM_FLANGE = FaceRole("flange", BODY, OUTSIDE, is_flange=True)  # the cylinder at which a flange begins
 DRAWN_END = FaceRole("end", BODY, OUTSIDE, is_flange=True)  # of a body that is drawn along y

@@ -6,12 +6,13 @@ import numpy as np
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import COLLIMATOR, MOST_EVENTS
+from lensforge.optics.face_roles import MOST_EVENTS
 from lensforge.public import public
 from lensforge.spec.drawn_shape import DrawnShape
 from lensforge.spec.face_section import FaceSection
 from lensforge.spec.lens_section import LightAcross, StartConditions
 from lensforge.spec.spec_section import check
+from lensforge.surfaces import collimator
 from lensforge.surfaces.drawn_collimator import SectionRoom, WantedLight, best_drawn_collimator
 from lensforge.surfaces.profile import LEAST_COEFFICIENTS
 from lensforge.surfaces.surface import Surface
@@ -27,7 +28,7 @@ class ExtrudedTirSection(DrawnShape):
     that the size of the LED, the radius and the beam require.
     """
 
-    roles = COLLIMATOR
+    roles = collimator.ROLES
     title = "linear lens for total internal reflection"
     radius_about_axis = True
     kind: Literal["extruded_tir"] = "extruded_tir"

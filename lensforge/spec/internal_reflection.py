@@ -9,12 +9,13 @@ from jaxtyping import Float
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.optics.face_roles import COLLIMATOR, RIM_FLANGE
+from lensforge.optics.face_roles import RIM_FLANGE
 from lensforge.public import public
 from lensforge.spec.derived_values import rounded_length
 from lensforge.spec.face_section import FaceSection, FlangeSection
 from lensforge.spec.lens_section import Beam, LightShape, ProfiledShape, StartConditions
 from lensforge.spec.spec_section import Millimetres, check
+from lensforge.surfaces import collimator
 from lensforge.surfaces.collimator import Collimator, best_low_collimator
 from lensforge.surfaces.grooved_collimator import ThinRoom, best_grooved_collimator, lowest_grooved_collimator
 from lensforge.surfaces.profile import AXIS, HORIZON, LEAST_COEFFICIENTS, shrunk
@@ -67,7 +68,7 @@ class TirSection(ProfiledShape):
     of revolution; with ``levels`` SRBFs shape cap, wall and exit beyond that.
     """
 
-    roles = COLLIMATOR
+    roles = collimator.ROLES
     title = "lens for total internal reflection"
     may_be_thin = True
     kind: Literal["tir"] = "tir"

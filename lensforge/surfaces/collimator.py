@@ -20,9 +20,16 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE, FaceRole
 from lensforge.surfaces.profile import ProfileBasis, ProfileFace
 from lensforge.surfaces.reciprocal import ConeFace, ReciprocalSurface
 
+ROLES = (  # of the faces, turned or drawn
+    FaceRole("cap", CAVITY, BODY, on_axis=True),
+    FaceRole("side", CAVITY, BODY),
+    FaceRole("wall", BODY, OUTSIDE, reflects=True, widens=True, is_placed=True),
+    FaceRole("exit", BODY, OUTSIDE, on_axis=True, is_placed=True),
+)
 _Angles = Float[np.ndarray, " n"]
 _Meridian = Float[np.ndarray, "n 2"]  # r and z
 
