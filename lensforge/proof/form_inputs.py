@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.cad.boundary import TrimmedFace, lens_boundaries, optical_name
+from lensforge.cad.boundary import Domain, TrimmedFace, lens_boundaries, optical_name
 from lensforge.cad.cutter_room import base_with_room
 from lensforge.cad.drawn_body import END_FACE
 from lensforge.cad.facets import CHORD_MM
@@ -61,6 +61,7 @@ from lensforge.proof.designed_body import (
 )
 from lensforge.proof.file_form import Chords, DesignedFile
 from lensforge.proof.optical_faces import PlateOfLenses
+from lensforge.results.refined_maximum import refined_maximum
 from lensforge.scene.lens import Lens
 from lensforge.surfaces.drawn_profile import in_section
 from lensforge.surfaces.plane_loop import Loop, LoopEdge, circle_at
@@ -68,8 +69,9 @@ from lensforge.surfaces.surface import Surface, scaled, to_sphere
 
 _AIM_NM = 2.0
 _NODES = 96
-_MOST_NODES = 480
-_TESTED = 256
+_MOST_NODES = 960
+_TESTED = 1024
+_REACH = 0.03  # of the chart: about the distance of the tested points
 _ORDER = 6  # an error of the table falls with this power of its nodes
 _BEYOND = 1.03  # of the extent of a face: a table is worst at its ends
 _PIECES = 1536  # of a closed curve, and of an edge of a plate's outline: a quarter of a circle bends by 1e-12 in one
@@ -118,8 +120,7 @@ def designed_faces(lens: Lens, scale: float = 1.0, beyond_deg: float = 0.0) -> I
 def _tabulated(face: TrimmedFace[Surface], surface: Surface, beyond_deg: float) -> DesignedFace:
     edges_rad = 2.0 * np.arctan(face.domain.extent) + np.radians([-beyond_deg, beyond_deg])
     low, high = np.tan(np.maximum(edges_rad, 0.0) / 2.0).tolist()
-    tested = to_sphere(chart_samples(_TESTED, domain=face.domain))
-    points = surface.radius(tested)[:, None] * tested
+    tested = chart_samples(_TESTED, domain=face.domain)
     half = float(np.arctan(_BEYOND * high))
     nodes = _NODES
     while True:
@@ -127,10 +128,25 @@ def _tabulated(face: TrimmedFace[Surface], surface: Surface, beyond_deg: float) 
         chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
         values = 1.0 / surface.radius_on_grid(to_sphere(chart))
         face_table = DesignedFace(face.label, axis, values, face.domain.extent, (low, high))
-        error_nm = 1e6 * float(face_table.off_mm(points)[0].max())
+        error_nm = 1e6 * _table_error_mm(face_table, surface, tested, face.domain)
         if error_nm <= _AIM_NM or nodes == _MOST_NODES:
             return face_table
         nodes = min(_MOST_NODES, int(np.ceil(nodes * max(1.1, (1.5 * error_nm / _AIM_NM) ** (1.0 / _ORDER)))))
+
+
+def _table_error_mm(
+    face_table: DesignedFace, surface: Surface, tested: Float[np.ndarray, "n 2"], domain: Domain
+) -> float:
+    """Largest distance of a table from its ``surface``, searched for between the ``tested`` chart points.
+
+    Where a tall cup ends at its mouth its table is at its worst, in a ring that samples alone step over.
+    """
+
+    def error_mm(chart: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
+        directions = to_sphere(chart)
+        return face_table.off_mm(surface.radius(directions)[:, None] * directions)[0]
+
+    return refined_maximum(error_mm, tested, error_mm(tested), _REACH, within=domain.within)[1]
 
 
 def designed_lens(lens: Lens) -> DesignedBody:
