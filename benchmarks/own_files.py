@@ -2,6 +2,7 @@
 
     python benchmarks/own_files.py 200                          # 20 to 60 s of processor time for each
     python benchmarks/own_files.py 50 --first 100 --kind tir
+    python benchmarks/own_files.py 20 --kind extruded --kind extruded_tir   # linear lenses: by --kind alone
 
 Each is exported as ``lensforge export`` does, and verified with 4,096 rays. A line for each: its number, by which it
 can be made again, its kind, radius and receiver, the criterion that is used most, and its share of the limit.
@@ -19,6 +20,7 @@ from lensforge.spec.accuracy import preset_of
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 KINDS = "double", "tir", "reflector"
+LINEAR = "extruded", "extruded_tir"
 MATERIALS = "PMMA", "PC"
 RAYS = 4096
 EFFORT = preset_of("draft").replace("own_files", evaluate_rays=2**14, verify_rays=RAYS)
@@ -30,13 +32,19 @@ def spec_of(random: np.random.Generator, kind: str) -> Spec:
     radius_mm = round(led_mm * float(random.uniform(6.0, 16.0)), 2)
     distance_mm = round(radius_mm * float(np.exp(random.uniform(np.log(5.0), np.log(150.0)))), 1)
     across_mm = round(distance_mm * float(random.uniform(0.3, 1.5)), 1)
-    lens = {"kind": kind, **({} if kind == "reflector" else {"material": str(random.choice(MATERIALS))})}
+    lens: dict[str, object] = {"kind": kind}
+    if kind != "reflector":
+        lens["material"] = str(random.choice(MATERIALS))
+    target = {"kind": "disc", "diameter_mm": across_mm, "distance_mm": distance_mm}
+    if kind in LINEAR:
+        lens |= {"length_mm": round(radius_mm * float(random.uniform(2.0, 20.0)), 1), "ends": "free"}
+        target = {"kind": "rectangle", "width_mm": across_mm, "height_mm": 2.0 * across_mm, "distance_mm": distance_mm}
     content = {
         "name": f"random_{kind}",
         "source": {"kind": "square", "side_mm": led_mm},
         "lens": lens,
         "constraints": {"max_radius_mm": radius_mm},
-        "target": {"kind": "disc", "diameter_mm": across_mm, "distance_mm": distance_mm},
+        "target": target,
         "base": {"kind": "none"},
     }
     return parse_spec(content, "random")
@@ -70,7 +78,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("count", type=int, nargs="?", default=20)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--kind", choices=KINDS, action="append")
+    parser.add_argument("--kind", choices=(*KINDS, *LINEAR), action="append")
     options = parser.parse_args()
     failed = 0
     for number, part, proof in verified(range(options.first, options.first + options.count), options.kind or KINDS):

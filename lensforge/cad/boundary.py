@@ -141,9 +141,10 @@ class SectionCrease(Crease):
 
     @cached_property
     def extent(self) -> tuple[float, float]:
-        """Least and largest distance from the chart's centre."""
+        """Least and largest coordinate on the chart, of which the latter is that of a square about all of it."""
         at = np.abs(np.tan([0.5 * self.low_rad, 0.5 * self.high_rad]))
-        return min(self.edge.half_width, float(at.min())), float(at.max())
+        # a face may be narrower than the band, and reaches its edges all the same
+        return min(self.edge.half_width, float(at.min())), max(self.edge.half_width, float(at.max()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,7 +134,7 @@ _JOINT = 8  # steps with one joint bound
 _DIGITS = 12  # of a share; the same bound by two sums differs behind these
 _BISECTIONS = 60  # of the level that fills a target: to the last digits
 
-BY_PROFILES = "two refractions by profiles"  # what turns light in a lens that is drawn along y
+BY_PROFILES = "faces drawn along y"  # what turns light in a linear lens, by refraction or at its walls, too
 
 Image = Float[np.ndarray, "h w"]
 Region = Bool[np.ndarray, "h w"] | Float[np.ndarray, "h w"]  # pixels, or the share of each that counts

@@ -1,6 +1,7 @@
 """The body of a linear lens with walls, its check and its handover: against polygons of its section."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from walled_lenses import section_of, walled_lens
 
 import lensforge as lf
 from lensforge.cad.section import body_outlines
+from lensforge.cad.wall import thinnest_of
 from lensforge.errors import InputError
 from lensforge.proof.step_body import StepBody
 from lensforge.report.results import Results
@@ -119,3 +121,19 @@ def test_faces_that_cross_have_no_body() -> None:
     below = type(low)(low.reach_mm, tuple(6.0 * k for k in low.coefficients))
     with pytest.raises(InputError, match=r"^wall = -.*: the faces wall, exit must lie outside of cap, side$"):
         lf.build(lf.Lens({**lens.surfaces, "exit": below}, lens.spec, 0, "draft"))
+
+
+def test_a_cap_narrower_than_its_band_has_the_wall_of_its_section() -> None:
+    """Its spline was extrapolated beside the section: the wall was 2 m short, and the search ended in an error."""
+    lens = walled_lens()
+    factors = {"cap": 0.35, "side": 1.0}
+    raised = {
+        name: replace(lens.surfaces[name], coefficients=tuple(factor * np.array(lens.surfaces[name].coefficients)),
+                      reach_mm=20.0)
+        for name, factor in factors.items()
+    }  # fmt: skip
+    lens = replace(lens, surfaces={**lens.surfaces, **raised})
+    arc = next(arc for arc in lens.body.arcs("cavity") if arc.name == "cap")
+    assert max(abs(arc.low_rad), abs(arc.high_rad)) < np.radians(10.0)
+    apart = cKDTree(section_of(lens, ENVELOPE)).query(section_of(lens, CAVITY))[0].min()
+    assert thinnest_of(lens).thickness_mm == pytest.approx(apart, abs=1e-5)

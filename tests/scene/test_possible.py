@@ -519,7 +519,7 @@ def test_profiles_drawn_along_y_bring_light_to_no_band_that_its_directions_along
     share = below(high / math.hypot(high, 1.0)) - below(low / math.hypot(low, 1.0))
     bound = physics.in_region(band)
     assert bound.by_refraction == pytest.approx(normal_transmittance(1.5) ** 2 * share, abs=2e-3)
-    assert bound.law == "deflection and loss of two refractions by profiles"
+    assert bound.law == "deflection and loss of faces drawn along y"
     assert possible(receiver, 300.0, 1.5).in_region(band).by_refraction > 1.5 * bound.by_refraction
     dome = Media(Medium(1.5), bodies=(SecondaryOptic("dome", Medium(1.5), sphere(310.0), sphere(312.0)),))
     assert "profiles" not in replace(physics, light=replace(physics.light, media=dome)).in_region(band).law
