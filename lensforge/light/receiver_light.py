@@ -28,6 +28,7 @@ from lensforge.results.figure import Apart, Figure, figures_at
 from lensforge.results.numerals import number, percent, square
 from lensforge.results.record import Array
 from lensforge.spec import Spec
+from lensforge.spec.polished_faces import scatters_about_the_light
 from lensforge.spec.receiver_fields import ReceiverSection
 from lensforge.spec.target_sections import IN_TARGET
 
@@ -209,9 +210,12 @@ def _rsd_note(light: object, receiver: "ReceiverLight", lens: "Lens") -> str:
     return f"standard deviation/mean in the mask {mask_words(lens.spec, receiver.name)}"
 
 
-def _brighter_by(receiver: "ReceiverLight", other: str) -> str:
+def _brighter_by(receiver: "ReceiverLight", lens: "Lens", other: str) -> str:
     """Changes that would bring more light; if symmetry bounds the lens, another shape of its faces."""
-    return LEVELS if receiver.possible.law == BY_SYMMETRY else f"a larger lens, a smaller source or {other}"
+    if receiver.possible.law == BY_SYMMETRY:
+        return LEVELS
+    scatter = "less scatter, " if scatters_about_the_light(lens.spec) else ""  # which spreads the light of any lens
+    return f"{scatter}a larger lens, a smaller source or {other}"
 
 
 def window_words(receiver: "ReceiverLight") -> str:
@@ -320,7 +324,7 @@ class ReceiverLight(Record):
             limit=lambda light, receiver, lens: None if lens.spec.has_limits else LARGEST_NMSE,
             possible=lambda light, receiver, lens: receiver.possible.nmse or None,
             possible_note="étendue of each pixel, for the light that arrives",
-            remedy=lambda light, receiver, lens: _brighter_by(receiver, "a coarser pattern"),
+            remedy=lambda light, receiver, lens: _brighter_by(receiver, lens, "a coarser pattern"),
             when=lambda light, receiver, lens: lens.spec.optimise.aim == "pattern",
         ),
     ]
@@ -335,7 +339,7 @@ class ReceiverLight(Record):
             limit_note=_least_share_note,
             possible="possible.share_in_target",
             possible_note="{possible.law}",
-            remedy=lambda light, receiver, lens: _brighter_by(receiver, "a wider target"),
+            remedy=lambda light, receiver, lens: _brighter_by(receiver, lens, "a wider target"),
         ),
     ]
     efficiency: Annotated[

@@ -137,3 +137,16 @@ def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_
     assert spacing == pytest.approx(1.0 / needed, rel=6e-3)
     tables = Environment(loader=PackageLoader("lensforge.report")).get_template("tables.html").module
     assert need in tables.required_table(limits.facts)
+
+
+@pytest.mark.parametrize(
+    "scatter, first", [(None, "a larger lens"), ({"kind": "gaussian", "sigma_deg": 9.0}, "less scatter")]
+)
+def test_of_a_frosted_lens_less_scatter_is_the_first_remedy(scatter: dict[str, object] | None, first: str) -> None:
+    """The inner face is polished, the outer one is not: its spread no larger lens takes back."""
+    spec = small_spec(lens__outer={"offset_mm": 6.0, "scatter": scatter} if scatter else {"offset_mm": 6.0})
+    start = lf.Lens.double(sphere(3.0), sphere(6.0), spec, 0, FEW)
+    figures = light_facts(lf.evaluate(start, rays=2**8), start)[0]
+    remedies = [figures.fact(key).remedy for key in ("nmse", "share_in_target")]
+    assert [remedy.split(",")[0] for remedy in remedies] == [first, first]
+    assert remedies[1].endswith("a smaller source or a wider target")
