@@ -15,6 +15,8 @@ neighbours share them; the azimuths of these curves are chosen for the same tole
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -86,6 +88,40 @@ class Facets:
     triangles: Int[np.ndarray, "t 3"]
     away: Float[np.ndarray, "t 4"]
 
+    def far(self, aim_mm: float, chord_mm: float) -> Bool[np.ndarray, "t 4"]:
+        """Mask of the places beyond ``aim_mm``; on edges that are not split, those of the face, beyond ``chord_mm``.
+
+        The facet beside such an edge would be split without end: the nearer its third corner comes, the more the edge
+        tilts it by the height of its own chord.
+        """
+        far = self.away > aim_mm
+        if far[:, :3].any():
+            far[:, :3] &= self.edges.free[self.edges.numbers] | (self.away[:, :3] > chord_mm)
+        return far
+
+    @cached_property
+    def edges(self) -> "_Edges":
+        """The edges of the facets."""
+        starts = self.triangles
+        ends = np.roll(self.triangles, -1, axis=1)
+        keys = np.minimum(starts, ends) * len(self.vertices) + np.maximum(starts, ends)
+        _, first, numbers, uses = np.unique(keys, return_index=True, return_inverse=True, return_counts=True)
+        length = np.linalg.norm(self.vertices[ends] - self.vertices[starts], axis=2)
+        return _Edges(numbers.reshape(-1, 3), length, uses > 1, starts.ravel()[first], ends.ravel()[first])
+
+
+class _Edges(NamedTuple):
+    """Edges of facets: their ``numbers`` and ``length`` (mm), from each corner of each facet to the next.
+
+    ``free``: of those that two facets share; others lie on the edge of the face. ``starts``, ``ends``: their vertices.
+    """
+
+    numbers: Int[np.ndarray, "t 3"]
+    length: Float[np.ndarray, "t 3"]
+    free: Bool[np.ndarray, " e"]
+    starts: Int[np.ndarray, " e"]
+    ends: Int[np.ndarray, " e"]
+
 
 Curve = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "n 3"]]  # points (mm) over azimuth (rad)
 
@@ -124,7 +160,7 @@ def refined_dome(
     facets = Facets(vertices, triangles, _away(patch, vertices[triangles]))
     aim = _AIM
     for _ in range(_SPLIT_ROUNDS):
-        far = facets.away > aim * chord_mm
+        far = facets.far(aim * chord_mm, chord_mm)
         if not far.any():
             if largest_distance(patch, facets.vertices[facets.triangles], facets.away) <= chord_mm:
                 return facets.vertices, facets.triangles
@@ -149,21 +185,16 @@ def _away(patch: Patch, corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray
 
 def _split(patch: Patch, facets: Facets, far: Bool[np.ndarray, "t 4"]) -> Facets:
     """The facets with a vertex in the middle of each ``far`` edge, and of the edges that must follow."""
-    starts = facets.triangles
-    ends = np.roll(facets.triangles, -1, axis=1)
-    length = np.linalg.norm(facets.vertices[ends] - facets.vertices[starts], axis=2)
-    keys = np.minimum(starts, ends) * len(facets.vertices) + np.maximum(starts, ends)
-    _, first, edge, uses = np.unique(keys, return_index=True, return_inverse=True, return_counts=True)
-    edge = edge.reshape(-1, 3)
-    marked = _marked(edge, length, far, uses > 1)
-    chosen = first[marked]
-    middle = (facets.vertices[starts.ravel()[chosen]] + facets.vertices[ends.ravel()[chosen]]) / 2.0
+    edges = facets.edges
+    marked = _marked(edges, far)
+    middle = (facets.vertices[edges.starts[marked]] + facets.vertices[edges.ends[marked]]) / 2.0
     direction = middle / np.linalg.norm(middle, axis=1, keepdims=True)
     vertices = np.concatenate([facets.vertices, points_in(patch, direction)])
-    new = np.full(len(uses), -1)
-    new[marked] = len(facets.vertices) + np.arange(len(chosen))
+    new = np.full(len(edges.free), -1)
+    new[marked] = len(facets.vertices) + np.arange(len(middle))
+    edge = edges.numbers
     cut = (new[edge] >= 0).any(axis=1)
-    children = _children(facets.triangles[cut], new[edge[cut]], length[cut])
+    children = _children(facets.triangles[cut], new[edge[cut]], edges.length[cut])
     return Facets(
         vertices,
         np.concatenate([facets.triangles[~cut], children]),
@@ -171,19 +202,15 @@ def _split(patch: Patch, facets: Facets, far: Bool[np.ndarray, "t 4"]) -> Facets
     )
 
 
-def _marked(
-    edge: Int[np.ndarray, "t 3"],
-    length: Float[np.ndarray, "t 3"],
-    far: Bool[np.ndarray, "t 4"],
-    free: Bool[np.ndarray, " e"],
-) -> Bool[np.ndarray, " e"]:
+def _marked(edges: _Edges, far: Bool[np.ndarray, "t 4"]) -> Bool[np.ndarray, " e"]:
     """Edges to split: those that are far, the longest free one of a far facet without any, and of every split facet."""
-    longest = edge[np.arange(len(edge)), np.argmax(np.where(free[edge], length, 0.0), axis=1)]
-    marked = np.zeros(len(free), dtype=bool)
+    edge = edges.numbers
+    longest = edge[np.arange(len(edge)), np.argmax(np.where(edges.free[edge], edges.length, 0.0), axis=1)]
+    marked = np.zeros(len(edges.free), dtype=bool)
     marked[edge[far[:, :3]]] = True
     marked[longest[far.any(axis=1)]] = True
     while True:
-        marked &= free
+        marked &= edges.free
         follow = longest[marked[edge].any(axis=1)]
         if marked[follow].all():
             return marked

@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nightly import first_by_day, scaled
 
+from lensforge.cad.facets import Facets
 from lensforge.cad.mesh import build_mesh, check_closed, mesh_error, rings_for
 from lensforge.cad.patch import fit_patch
 from lensforge.cad.plan import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, make_plan, rim_directions
@@ -195,3 +196,17 @@ def test_rings_follow_the_detail_of_the_faces_and_the_width_of_the_base():
     rings = rings_for(wide, 1e-3)
     assert rings > 128
     assert 300.0 * (1.0 - np.cos(np.pi / (6 * rings))) <= 1e-3
+
+
+def test_an_edge_of_the_face_is_split_beyond_the_tolerance_alone() -> None:
+    """Of two facets, the second of which has the far places: nearer ones no split of its facet would bring nearer."""
+    vertices = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.1]])
+    triangles = np.array([[0, 1, 2], [1, 3, 2]])  # they share the edge from 1 to 2, the last of the second
+
+    def far(*second: float) -> list[bool]:
+        return Facets(vertices, triangles, np.array([[0.0] * 4, second])).far(0.9, 1.0)[1].tolist()
+
+    assert far(0.95, 0.0, 0.0, 0.0) == [False] * 4
+    assert far(0.0, 0.95, 0.95, 0.95) == [False, False, True, True]
+    assert far(0.0, 1.05, 0.0, 0.0) == [False, True, False, False]
+    assert far(0.89, 0.89, 0.89, 0.89) == [False] * 4
