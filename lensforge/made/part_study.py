@@ -104,7 +104,7 @@ class PartStudy:
 
     @cached_property
     def boards(self) -> tuple[LampPictures, ...]:
-        """Each receiver, of an infinite lattice that of a patch."""
+        """Pictures of a whole board on each receiver; of an infinite lattice those of one of its patches."""
         return tuple(pictures_of(receiver, periods_of(self.spec)) for receiver in self.receivers)
 
     @cached_property

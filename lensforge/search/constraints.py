@@ -203,7 +203,7 @@ class _BesideCrease:
 
 
 def _edge_left(limit_deg: float, jets: Sequence[RadiusJet], points: ChartPoints) -> Float[Tensor, " k"]:
-    """Angle (deg) beyond the limit of the edge of the two nearest faces; constant where points are beside none."""
+    """Angle (deg) of the edge between the two nearest faces, less the limit; constant at points beside no edge."""
     rho = torch.stack([jet.rho for jet in jets])
     derivatives = torch.stack([jet.derivatives for jet in jets], dim=1)
     first = rho.detach().topk(2, dim=0, largest=False).indices

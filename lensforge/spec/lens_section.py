@@ -277,7 +277,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
 
     @property
     def shape_levels(self) -> tuple[int, ...]:
-        """Parameters of a free face, coarse first: the functions of its levels, which are numbers."""
+        """Number of basis functions of a free face at each level, coarse first."""
         return self.basis.levels
 
     @property

@@ -64,8 +64,8 @@ class SpecText:
     def edited(self, place: Place, given: object) -> "SpecText":
         """The text with a value of the form at ``place``; None leaves it out.
 
-        A text in ``{"toml": ...}`` is read as TOML, where it is some. With another kind the fields that it does not
-        have leave their table. Raises :class:`InputError` for a text that is no TOML.
+        The text of ``{"toml": ...}`` is read as TOML. A change of ``kind`` removes the fields that the new kind does
+        not have. Raises :class:`InputError` for a text that is no TOML.
         """
         changed = self.with_text(edited(self._plain, place, _value(given)))
         for name, problem in changed.lines if place[-1] == "kind" else ():
