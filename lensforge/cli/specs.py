@@ -25,6 +25,7 @@ from lensforge.spec.new_spec import (
     SOURCES,
     TARGET_KINDS,
     TARGETS,
+    line_in,
     listed_packages,
     receiver_beside,
     source_in,
@@ -111,6 +112,7 @@ def new(
     )
     if zoom is not None:
         scene = scene.zoomed(*zoom)
+    scene = replace(scene, line_mm=line_in(asked))
     if thin:
         scene = replace(scene, thin=True)
         lens = lens or next(name for name, section in LensShape.kinds.items() if section.may_be_thin)

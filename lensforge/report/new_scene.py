@@ -48,7 +48,8 @@ class NewScene:
     """A scene without its lens: tables of ``light``, ``source`` and ``constraints``, and the ``material``, if any.
 
     ``light``: ``target``, ``receivers`` for a plane beside the axis, or the ``states`` of a zoom. ``of_source``: a note
-    on the source. ``thin``: its lens is to be low.
+    on the source. ``thin``: its lens is to be low. ``line_mm``: length of a line of light, along which a linear lens
+    lies; None of other light.
     """
 
     name: str
@@ -58,6 +59,7 @@ class NewScene:
     material: str | None = None
     of_source: str = ""
     thin: bool = False
+    line_mm: float | None = None
 
     @staticmethod
     def of(name: str, light: Tables, source: Tables, max_radius_mm: float, of_source: str = "") -> "NewScene":
@@ -134,6 +136,10 @@ class NewScene:
             "base": first.get("base"),
             "optimise": first.get("optimise"),
         }
+        if section.lies_along_y and self.line_mm is not None and "target" in tables:
+            target = tables["target"]
+            tables["target"] = {**target, "width_mm": target["height_mm"], "height_mm": target["width_mm"]}
+            tables["lens"] = {**tables["lens"], "length_mm": self.line_mm}
         return {"name": self.name, **{name: deepcopy(table) for name, table in tables.items() if table is not None}}
 
     def tables(self, kind: str, cutter: str, shape: LightShape) -> Tables:

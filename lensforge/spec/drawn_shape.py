@@ -29,6 +29,7 @@ class DrawnShape(LensShape):
     may_be_round = True
     largest_symmetry = "rectangle"
     is_advised = False
+    lies_along_y = True
     without: ClassVar[Mapping[str, str]] = {
         "compare": "a linear lens is not compared with points of its faces yet; compare its light with a photograph",
         "correct": "a linear lens is cut by its profile, which points of its faces do not correct yet",

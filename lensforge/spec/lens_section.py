@@ -101,8 +101,8 @@ class LensShape(OfSeveralKinds, LensMaterial):
     ``search.problem``. ``may_be_round``: it has a shape without any level, faces of revolution. ``radius_about_axis``:
     its radius is its distance from the axis, not from the LED: its exit or mouth is flat, and it lies in a cylinder.
     ``largest_symmetry``: mirror group of the most symmetric one. ``is_advised``: `lensforge new` weighs it
-    against others, unasked. ``without``: stages that it does not have, and why. ``may_be_thin``: it may be
-    much lower than wide, by :meth:`thin_tables`.
+    against others, unasked. ``lies_along_y``: it is as long as a line of light. ``without``: stages that it does not
+    have, and why. ``may_be_thin``: it may be much lower than wide, by :meth:`thin_tables`.
     """
 
     usual_kind = "double"
@@ -113,6 +113,7 @@ class LensShape(OfSeveralKinds, LensMaterial):
     radius_about_axis: ClassVar[bool] = False
     largest_symmetry: ClassVar[str] = "square"
     is_advised: ClassVar[bool] = True
+    lies_along_y: ClassVar[bool] = False
     without: ClassVar[Mapping[str, str]] = {}
     may_be_thin: ClassVar[bool] = False
     kind: str

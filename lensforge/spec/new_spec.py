@@ -101,6 +101,12 @@ def zoom_in(text: str) -> tuple[float, float] | None:
     return spot_deg, flood_deg
 
 
+def line_in(text: str) -> float | None:
+    """Length (mm) of the line of light that ``text`` stands for; None of another light."""
+    target = target_in(text)
+    return target["width_mm"] if text.startswith("line:") else None
+
+
 def target_in(text: str) -> dict[str, Any]:
     """The ``[target]`` that ``text`` stand for, of a zoom that of its spot. Raises :class:`InputError`."""
     zoom = zoom_in(text)

@@ -129,6 +129,18 @@ def test_the_kind_of_lens_suits_the_light(light: str, kind: str) -> None:
         assert bounds == [92.3, 88.4, 86.1], "total reflection, a reflector, two faces"
 
 
+@pytest.mark.parametrize("kind", ["extruded", "extruded_tir"])
+def test_a_linear_lens_lies_along_its_line(kind: str) -> None:
+    """The line is 80 mm long along y, and so is the lens; any other lens has it along x, as it is written."""
+    asked = ("new", "--force", "--source", "square:0.5", "--target", "line:80x12@60", "--max-radius", "30", "--lens")
+    texts = [lensforge(*asked, name)[1] for name in (kind, "double")]
+    along, across = (parse_spec(tomllib.loads(text), "lamp") for text in texts)
+    assert (along.target.width_mm, along.target.height_mm, along.lens.length_mm) == (12.0, 80.0, 80.0)
+    assert (across.target.width_mm, across.target.height_mm) == (80.0, 12.0)
+    rectangle = lensforge(*(word.replace("line:", "rectangle:") for word in asked), kind)[1]
+    assert parse_spec(tomllib.loads(rectangle), "lamp").target.width_mm == 80.0, "given by width and height"
+
+
 @pytest.mark.parametrize(
     ("more", "process"),
     [
