@@ -12,10 +12,10 @@ from lensforge.light.angular_grid import COARSEST, COARSEST_TO_HORIZON, AngularG
 from lensforge.light.luminaire_classes import zone_flux
 from lensforge.light.received_flux import flux_by_fate
 from lensforge.light.simulation import TracedLens, bundles
-from lensforge.optics.arrays import replaced
 from lensforge.results import Metric
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Housing, Shadow
+from lensforge.scene.housing_walk import last_of, legs_of
 from lensforge.sources.ray_bundle import RayBundle, Source
 from lensforge.spec.lamps_section import ALONE, Lamps
 
@@ -62,25 +62,14 @@ def exit_rays(
     shadow = Shadow.none_of(len(left))
     ways = traced
     if housing is not None:
-        shadow = housing.shadow(traced.points, traced.directions, np.where(left, np.inf, -np.inf))
-        ways, shadow = _beyond_walls(housing, traced, shadow)
+        shadow = housing.endless_shadow(traced)
+        if housing.reflects:
+            _, ways, shadow = last_of(legs_of(housing, traced, shadow, housing.endless_shadow))
     upwards = left & (ways.directions[:, 2] > 0.0) & (shadow.lost < 1.0)
     points, directions, flux = (values[upwards] for values in (ways.points, ways.directions, ways.flux))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     by_fate = flux_by_fate(traced, left & ~upwards, shadow)
     return RaysOnSphere(RayBundle(_on_sphere(points, directions, sphere_mm), directions, flux), by_fate)
-
-
-def _beyond_walls(housing: Housing, rays: ExitRays, shadow: Shadow) -> tuple[ExitRays, Shadow]:
-    """``rays``, from walls those that these reflect, and their shadow, in which some meet a second wall."""
-    if not housing.reflects:
-        return rays, shadow
-    rows, reflected = housing.reflected(rays, shadow)
-    ends = housing.shadow(reflected.points, reflected.directions, np.full(len(rows), np.inf))
-    columns = {
-        name: replaced(getattr(rays, name), rows, getattr(reflected, name)) for name in ("points", "directions", "flux")
-    }
-    return replace(rays, **columns), shadow._replace(again=replaced(shadow.again, rows, ends.met))
 
 
 def _of_lamps(lens: TracedLens, rays: RayBundle, lamps: Lamps) -> ExitRays:

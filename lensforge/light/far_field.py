@@ -31,7 +31,7 @@ def lamps_of_files(spec: Spec) -> Lamps:
 def trace_far_field(lens: Lens, source: Source, preset: Preset, *, rays: int | None, seed: int) -> ExitLight:
     """Light of ``lens`` and its lamps; without ``rays`` the noise of the table sets their number."""
     lamps = lamps_of_files(lens.spec)
-    housing = Housing.of(bodies_of(lens.spec.scene, from_afar=True))
+    housing = Housing.of(bodies_of(lens.spec.scene, from_afar=True), lens.spec.scene_events)
     lens_mm = max(lens.body.largest_mm, reach_mm(lens.media.bodies))
     walls_mm = housing.reach_mm if housing is not None and housing.reflects else 0.0
     return trace_exit_light(

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from lensforge.kernels.fate import Fate
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Shadow
+from lensforge.scene.housing_walk import Leg
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.pixel_grid import bin_flux, rebinned
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -18,7 +19,7 @@ MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches
 ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
 IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
 BLOCKED = len(Fate) + 3  # left the lens, met a body of the scene before the receiver, and was taken by it
-SECOND_WALL = len(Fate) + 4  # reflected by a body of the scene, and met another, or the same again
+SECOND_WALL = len(Fate) + 4  # went on from bodies of the scene by all its events, and met a further one
 CAUSES = len(Fate) + 5  # behind them, the flux lost in each of the further bodies
 
 
@@ -29,8 +30,8 @@ class ReceivedFlux:
     The fates are those of :class:`~lensforge.kernels.fate.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``, ``ABSORBED``, ``IN_GLASS``, ``BLOCKED`` and ``SECOND_WALL``; then each of the further bodies.
     ``in_regions``: in each of the ``regions`` (k). ``colours``: X, Y and Z (lm) per pixel; None without colour.
-    ``by_housing``: flux that each body of the scene takes, that which it reflects into the window, that which meets it,
-    and the last times x, y and z (mm) of the place at which it does; None without a scene.
+    ``by_housing``: flux that each body of the scene takes, what of it ends there, that which goes from it into the
+    window, that which meets it, and the last times x, y and z (mm) of the place at which it does; None without a scene.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -89,10 +90,12 @@ class ReceivedFlux:
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver, landings.shadow)
         inside = receiver.window.contains(hits)
         if landings.shadow is not None and self.by_housing is not None:
-            returned = landings.flux * inside
-            self.by_housing[replicate] += share * _by_body(rays, landings.shadow, returned, self.by_housing.shape[1])
+            legs = landings.legs or (Leg.first(rays, landings.shadow),)
+            self.by_housing[replicate] += share * _by_body(legs, landings.flux * inside, self.by_housing.shape[1])
         self.window[replicate] += flux[inside].sum()
         self.outside[replicate] += flux[~inside].sum()
+        if landings.again is not None:
+            self.images[replicate] += share * bin_flux(landings.again.hits, landings.again.flux, receiver.grid)
         self.in_regions[replicate] += [flux[region.contains(hits)].sum() for region in self.regions]
         if self.colours is not None:
             assert tristimulus is not None, "a source that was built with its colours"
@@ -153,15 +156,22 @@ def flux_by_fate(
     return by_fate if rays.lost_in_bodies is None else np.concatenate([by_fate, rays.lost_in_bodies.sum(axis=1)])
 
 
-def _by_body(
-    rays: ExitRays, shadow: Shadow, returned: Float[np.ndarray, " n"], bodies: int
-) -> Float[np.ndarray, "b 7"]:
-    """Sums of flux (W) by body: taken, taken of rays that end there, ``returned``, incident; incident flux times place.
+def _by_body(legs: Sequence[Leg], landed: Float[np.ndarray, " n"], bodies: int) -> Float[np.ndarray, "b 7"]:
+    """Sums of flux (W) by body over all ``legs``; ``landed``: of each ray in the window, by way of the last body.
 
-    The last three columns are W mm.
+    Taken, taken of rays that end there, returned, incident; incident flux times place: the last three are W mm.
     """
-    met = shadow.met
-    flux = rays.flux[met]
+    last = np.full(len(landed), -1)
+    for number, leg in enumerate(legs):
+        last[leg.rows[leg.shadow.met]] = number
+    parts = [_of_leg(leg, landed[leg.rows] * (last[leg.rows] == number), bodies) for number, leg in enumerate(legs)]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def _of_leg(leg: Leg, returned: Float[np.ndarray, " k"], bodies: int) -> Float[np.ndarray, "b 7"]:
+    shadow = leg.shadow
+    met = shadow.met & ~shadow.again
+    flux = leg.rays.flux[met]
     taken = flux * (1.0 - shadow.onward[met])
     kept = np.where(shadow.onward[met] == 0.0, flux, 0.0)
     amounts = (taken, kept, returned[met], flux, *(flux * coordinate for coordinate in shadow.places[met].T))

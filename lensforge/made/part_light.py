@@ -165,6 +165,9 @@ class PartLight:
         for view in self.views:
             landings = view.land(exits)
             image = bin_replicates(landings.hits, flux * landings.flux, view.grid, held.replicate, held.replicates)
+            if (again := landings.again) is not None:
+                numbers = held.replicate[again.rows]
+                image += bin_replicates(again.hits, flux * again.flux, view.grid, numbers, held.replicates)
             yield ReceivedImages(image[None] / view.averaged_over_mm2(exits), none, none, (), flux * held.emitted_w)
 
     @property

@@ -280,7 +280,7 @@ class Media:
     ``bodies``: the optics, in the order in which light meets them. ``coatings``: of the body's faces, at most one of
     each. ``wavelength_nm``: of rays without their own, where a coating depends on it. ``faces``: of the body.
     ``scatter``: of its faces that are not polished. ``walls``: how opaque bodies of the scene reflect light; None if
-    none does.
+    none does. ``wall_events``: the most of them from which light goes on.
     """
 
     body: Medium
@@ -293,6 +293,7 @@ class Media:
     faces: tuple[FaceRole, ...] = SHELL
     scatter: tuple[FaceScatter, ...] = ()
     walls: Reflection | None = None
+    wall_events: int = 1
 
     def __post_init__(self) -> None:
         """Raise :class:`ValueError` for a coating of a face that the body does not have: it would be ignored."""
@@ -328,8 +329,13 @@ class Media:
 
     @property
     def scattering(self) -> int:
-        """Number of surfaces that scatter: faces, including those of the bodies, and then all diffuse walls as one."""
-        return self.scattering_before(len(self.bodies)) + (self.walls == "diffuse")
+        """Number of surfaces that scatter: faces, including those of the bodies, then one for each event at walls."""
+        return self.scattering_before(len(self.bodies)) + self.diffusing
+
+    @property
+    def diffusing(self) -> int:
+        """Number of events at walls of the scene for which a ray needs numbers: all if a wall is diffuse, else none."""
+        return self.wall_events if self.walls == "diffuse" else 0
 
     @property
     def polished(self) -> "Media":

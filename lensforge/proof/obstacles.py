@@ -4,7 +4,7 @@ Turned by rotations of its own, and cast through the grid by which it casts the 
 numbers by which diffuse walls reflect them; the proof's own rays have others.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from lensforge.optics.media import Media
-from lensforge.proof.clear_body import bent, through
+from lensforge.proof.clear_body import SwingingRays
 from lensforge.proof.facet_casting import Grid, Leg
 from lensforge.sources.ray_bundle import RayBundle
 
@@ -63,19 +63,37 @@ class Met(NamedTuple):
         return Met(*(column[rows] for column in self))
 
 
+class Way(NamedTuple):
+    """Straight ways of some rays, from ``points`` (mm) along ``directions``, and what they have ``met`` at their ends.
+
+    ``rows``: their numbers; ``share``: of their flux that is on the way. ``last``: True if they go on from no body.
+    """
+
+    rows: Int[np.ndarray, " k"]
+    points: Float[np.ndarray, "k 3"]
+    directions: Float[np.ndarray, "k 3"]
+    share: Float[np.ndarray, " k"]
+    met: Met
+    last: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Triangles (mm) of all ``bodies``, in the coordinates of the screens, and how each turns light."""
+    """Triangles (mm) of all ``bodies``, in the coordinates of the screens, and how each turns light.
+
+    ``events``: the most bodies from which light goes on, and ends of its way within a clear one.
+    """
 
     corners: Float[np.ndarray, "t 3 3"]
     bodies: Int[np.ndarray, " t"]
+    events: int
     reflectances: Float[np.ndarray, " t"]
     diffuse: Bool[np.ndarray, " t"]
     indices: Float[np.ndarray, " t"]
     absorptions: Float[np.ndarray, " t"]
 
     @staticmethod
-    def of(bodies: Sequence[ObstacleBody]) -> "Obstacles | None":
+    def of(bodies: Sequence[ObstacleBody], events: int = 1) -> "Obstacles | None":
         """All ``bodies``; None without any."""
         if not bodies:
             return None
@@ -87,6 +105,7 @@ class Obstacles:
         return Obstacles(
             np.concatenate([body.corners for body in bodies]),
             np.repeat(np.arange(len(bodies)), counts),
+            events,
             *(np.repeat(finish, counts) for finish in finishes),
         )
 
@@ -116,16 +135,30 @@ class Obstacles:
         """Points and directions of rays behind clear bodies, and the share of their light that leaves."""
         index = self.indices[met.triangles]
         inwards = self._along(met.triangles, directions)
-        first = bent(directions, inwards, 1.0 / index)
-        starts = points + met.distances[:, None] * directions + _OFF_WALL_MM * inwards
-        ends = self._grid.first_hits(Leg(starts, first.directions, np.zeros(len(points))))
-        outwards = self._along(ends.triangles, first.directions)
-        second = bent(first.directions, outwards, index)
-        leaves = ends.found & (self.bodies[ends.triangles] == self.bodies[met.triangles])
-        paths_mm = np.where(leaves, ends.distances, 0.0)
-        share = leaves * through(first, second) * np.exp(-self.absorptions[met.triangles] * paths_mm)
-        places = starts + paths_mm[:, None] * first.directions + _OFF_WALL_MM * outwards
-        return places, second.directions, share
+        light, _ = SwingingRays.unpolarised(directions).at_face(inwards, 1.0 / index)
+        places = points + met.distances[:, None] * directions + _OFF_WALL_MM * inwards
+        going = light.directions.copy()
+        share = np.zeros(len(points))
+        paths_mm = np.zeros(len(points))
+        rows = np.arange(len(points))
+        for _ in range(self.events):
+            ends = self._grid.first_hits(Leg(places[rows], light.directions, np.zeros(len(rows))))
+            within = np.flatnonzero(ends.found & (self.bodies[ends.triangles] == self.bodies[met.triangles[rows]]))
+            rows = rows[within]
+            ends = ends.take(within)
+            light = light.take(within)
+            paths_mm[rows] += ends.distances
+            outwards = self._along(ends.triangles, light.directions)
+            at = places[rows] + ends.distances[:, None] * light.directions
+            light, passes = light.at_face(outwards, index[rows])
+            going[rows] = light.directions
+            places[rows] = at + np.where(passes, _OFF_WALL_MM, -_OFF_WALL_MM)[:, None] * outwards
+            share[rows] = light.share * passes
+            rows = rows[~passes]
+            light = light.take(np.flatnonzero(~passes))
+            if not len(rows):
+                break
+        return places, going, share * np.exp(-self.absorptions[met.triangles] * paths_mm)
 
     def _along(
         self, triangles: Int[np.ndarray, " n"], directions: Float[np.ndarray, "n 3"]
@@ -135,6 +168,31 @@ class Obstacles:
         across = np.cross(b - a, c - a)
         across *= np.sign(np.sum(across * directions, axis=1))[:, None]
         return np.asarray(across / np.linalg.norm(across, axis=1)[:, None])
+
+    def ways(
+        self,
+        points: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        numbers: Float[np.ndarray, "n d"],
+        paths_to_end: Callable[[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]], Float[np.ndarray, " k"]],
+    ) -> Iterator[Way]:
+        """Ways of rays from body to body, the first of all of them; ``numbers``: two in [0, 1) of each at every body.
+
+        ``paths_to_end``: paths (mm) of rays from these points along these directions to where they end without bodies.
+        """
+        rows = np.arange(len(points))
+        share = np.ones(len(points))
+        for event in range(self.events + 1):
+            met = self.met(points, directions, paths_to_end(points, directions))
+            last = event == self.events
+            yield Way(rows, points, directions, share, met, last)
+            on = np.flatnonzero((met.triangles >= 0) & (met.onward > 0.0))
+            if last or not len(on):
+                return
+            rows = rows[on]
+            share = share[on] * met.onward[on]
+            two = numbers[rows, 2 * event : 2 * event + 2]
+            points, directions = self.reflect(points[on], directions[on], met.take(on), two)
 
     def reflect(
         self,
@@ -162,13 +220,17 @@ class Obstacles:
         return starts, going
 
 
-def wall_numbers(rays: RayBundle, media: Media, seed: int | None = None) -> Float[np.ndarray, "n 2"]:
-    """Two numbers in [0, 1) of each ray for a diffuse wall: those of the design's rays, or of ``seed``; 0 without."""
+def wall_numbers(rays: RayBundle, media: Media, seed: int | None = None) -> Float[np.ndarray, "n d"]:
+    """Two numbers in [0, 1) of each ray for every event at a wall; 0 without diffuse ones.
+
+    They are those of the design's rays, or of ``seed``.
+    """
+    columns = 2 * media.wall_events
     if media.walls != "diffuse":
-        return np.zeros((len(rays), 2))
+        return np.zeros((len(rays), columns))
     if seed is not None:
-        return np.random.default_rng([seed, _WALLS]).random((len(rays), 2))
+        return np.random.default_rng([seed, _WALLS]).random((len(rays), columns))
     last = 2 * media.scattering
     if rays.facets is None or rays.facets.shape[1] < last:
         raise ValueError("rays come without the numbers of the walls that they meet")
-    return rays.facets[:, last - 2 : last]
+    return rays.facets[:, last - columns : last]

@@ -24,7 +24,8 @@ _M2 = 1e-6  # in a mm2
 class PatchedBody:
     """The body ``name``: the ``pieces`` of its surface, the number of the patch of each, and the ``others`` before it.
 
-    ``designed``: irradiance (W/m²) of each patch by the design, by ``designed_rays``, whose noise counts.
+    ``designed``: irradiance (W/m²) of each patch by the design, by ``designed_rays``, whose noise counts. ``events``:
+    the most bodies from which light goes on.
     """
 
     name: str
@@ -33,10 +34,11 @@ class PatchedBody:
     others: Sequence[ObstacleBody]
     designed: Float[np.ndarray, " p"]
     designed_rays: int
+    events: int = 1
 
     def judge(self, rays: RayBundle, passage: Passage) -> BodyLightProof:
         """The light of ``rays``, by their ``passage`` through the part, against the design's."""
-        flux, squares = self._on_patches(passage)
+        flux, squares, of_rays = self._on_patches(passage)
         areas_m2 = self._areas_m2
         emitted_w = float(rays.flux.sum())
         expected = self.designed * areas_m2
@@ -46,7 +48,7 @@ class PatchedBody:
         apart /= 1.0 + len(rays) / self.designed_rays
         darkest = int(self.designed.argmin())
         whole_m2 = float(areas_m2.sum())
-        error_w = np.sqrt(max(float(squares.sum()) - float(flux.sum()) ** 2 / len(rays), 0.0))
+        error_w = np.sqrt(max(of_rays - float(flux.sum()) ** 2 / len(rays), 0.0))
         return BodyLightProof(
             name=self.name,
             rays=len(rays),
@@ -72,28 +74,27 @@ class PatchedBody:
         areas = np.sqrt(np.maximum(half * (half - a) * (half - b) * (half - c), 0.0))
         return np.bincount(self.patches, _M2 * areas, len(self.designed))
 
-    def _on_patches(self, passage: Passage) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Flux (W) and sum of squared ray fluxes (W²) on each patch."""
-        bodies = Obstacles.of([self.pieces, *self.others])
+    def _on_patches(self, passage: Passage) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"], float]:
+        """Flux (W) and sum of squared ray fluxes (W²) on each patch; and that of what each ray brings in all."""
+        bodies = Obstacles.of([self.pieces, *self.others], self.events)
         assert bodies is not None
         left = passage.fates == CastFate.LANDED
-        ways = passage.points[left], passage.directions[left]
-        flux = passage.flux[left]
-        first = bodies.met(*ways, np.full(len(flux), np.inf))
-        met = first.triangles
-        # A convex body, which alone may both reflect light and be measured, has no light of its own.
-        turned = np.flatnonzero((met >= len(self.patches)) & (first.onward > 0.0))
-        if len(turned):
-            of_turned = first.take(turned)
-            starts, going = (column[turned] for column in ways)
-            onward = bodies.reflect(starts, going, of_turned, passage.draws[left][turned])
-            met[turned] = bodies.met(*onward, np.full(len(turned), np.inf)).triangles
-            flux[turned] *= of_turned.onward
-        on_body = (met >= 0) & (met < len(self.patches))
-        flux = flux[on_body]
-        patches = self.patches[met[on_body]]
+        ways = bodies.ways(passage.points[left], passage.directions[left], passage.draws[left], _without_end)
+        landed = []
+        for way in ways:
+            on_body = (way.met.triangles >= 0) & (way.met.triangles < len(self.patches))
+            rows = way.rows[on_body]
+            landed.append(
+                (rows, passage.flux[left][rows] * way.share[on_body], self.patches[way.met.triangles[on_body]])
+            )
+        rows, flux, patches = (np.concatenate(column) for column in zip(*landed, strict=True))
         size = len(self.designed)
-        return np.bincount(patches, flux, size), np.bincount(patches, flux**2, size)
+        of_rays = float((np.bincount(rows, flux) ** 2).sum())
+        return np.bincount(patches, flux, size), np.bincount(patches, flux**2, size), of_rays
+
+
+def _without_end(points: Float[np.ndarray, "k 3"], _directions: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, " k"]:
+    return np.full(len(points), np.inf)
 
 
 def _apart(

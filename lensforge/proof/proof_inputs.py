@@ -128,7 +128,9 @@ def screens_of(spec: Spec, pixels: int | None = None) -> list[Screen]:
     """Screens with as many pixels as the evaluation's images, by default those of the spec."""
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
     near, far = (
-        Obstacles.of([_obstacle(body, mesh_of(body)) for body in bodies_of(spec.scene, from_afar=from_afar)])
+        Obstacles.of(
+            [_obstacle(body, mesh_of(body)) for body in bodies_of(spec.scene, from_afar=from_afar)], spec.scene_events
+        )
         for from_afar in (False, True)
     )
     return [
@@ -178,7 +180,7 @@ def _patched_bodies(spec: Spec, light: Light) -> tuple[PatchedBody, ...]:
             others = [_obstacle(other, mesh_of(other)) for other in bodies if other is not body]
             placed = _obstacle(body, pieces)
             designed = irradiance[body.name], light.rays
-            patched.append(PatchedBody(body.name, placed, patches.numbers, others, *designed))
+            patched.append(PatchedBody(body.name, placed, patches.numbers, others, *designed, spec.scene_events))
     return tuple(patched)
 
 

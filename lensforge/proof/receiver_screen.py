@@ -126,28 +126,26 @@ class Screen(ABC):
         return places if self.period_mm is None else places - self.period_mm * np.round(places / self.period_mm)
 
     def reached(
-        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], numbers: Float[np.ndarray, "n 2"]
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], numbers: Float[np.ndarray, "n d"]
     ) -> "Reached":
-        """:meth:`land` behind obstacles, which reflect light once; ``numbers``: two in [0, 1) of each ray for that."""
-        places = self.land(points, directions)
-        again = np.zeros(len(points), dtype=bool)
+        """:meth:`land` behind obstacles; ``numbers``: two in [0, 1) of each ray for each that may reflect it."""
+        reached = Reached(self.land(points, directions), np.ones(len(points)), np.zeros(len(points), dtype=bool))
         if self.obstacles is None:
-            return Reached(places, np.ones(len(points)), again)
-        met = self.obstacles.met(points, directions, self._paths_mm(points, directions, places))
-        places[met.triangles >= 0] = np.nan
-        rows = np.flatnonzero((met.triangles >= 0) & (met.onward > 0.0))
-        if len(rows):
-            ways = self.obstacles.reflect(points[rows], directions[rows], met.take(rows), numbers[rows])
-            places[rows] = self.land(*ways)
-            again[rows] = self.obstacles.met(*ways, self._paths_mm(*ways, places[rows])).triangles >= 0
-            places[again] = np.nan
-        return Reached(places, met.onward, again)
+            return reached
+        for way in self.obstacles.ways(points, directions, numbers, self._paths_mm):
+            stopped = way.met.triangles >= 0
+            landings = self.land(way.points, way.directions)
+            reached.places[way.rows] = np.where(stopped[:, None], np.nan, landings)
+            reached.onward[way.rows] = way.share * np.where(way.last, 1.0, way.met.onward)
+            reached.again[way.rows] = stopped & way.last
+        return reached
 
     def _paths_mm(
-        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Float[np.ndarray, "n 2"]
+        self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> Float[np.ndarray, " n"]:
         """Paths of rays to where they land; infinite for those that never do."""
         paths_mm = np.full(len(points), np.inf)
+        landings = self.land(points, directions)
         lands = ~np.isnan(landings[:, 0])
         if not self.is_far and lands.any():
             places, _ = self._surface(*landings[lands].T)

@@ -49,7 +49,7 @@ class CastFate(IntEnum):
     EVENT_LIMIT = 9  # reflected by a mirror, or still not out of the lens, at its last event
     FLANGE = 10  # absorbed at the flange, by what holds it
     HOUSING = 11  # left the lens, and met a black body of the scene before the receiver
-    SECOND_WALL = 12  # left the lens, was reflected by a body of the scene, and met another
+    SECOND_WALL = 12  # left the lens, went on from bodies of the scene by all its events, and met a further one
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Passage:
     ``absorbed``, ``in_glass``, ``in_bodies``: flux (W) lost in body and mirrors, in a cover glass, and in further
     bodies. ``fields``: of its polarisation. ``facets_um``: height of the curved surface over the flat facet at each
     event, 0 where there was none. ``met``: number of the face at each event, NO_FACE where there was none.
-    ``draws``: two numbers in [0, 1) of each ray, for a diffuse wall of the scene.
+    ``draws``: two numbers in [0, 1) of each ray for every event at bodies of the scene, which may be diffuse.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -72,7 +72,7 @@ class Passage:
     fields: Fields
     met: Int[np.ndarray, "n events"]
     in_bodies: Float[np.ndarray, " n"]
-    draws: Float[np.ndarray, "n 2"]
+    draws: Float[np.ndarray, "n d"]
 
     @staticmethod
     def of(rays: RayBundle, events: int) -> "Passage":
@@ -142,7 +142,7 @@ def behind_lens(
 class LandedRays(Passage):
     """A passage and where its rays land on the chart of a screen, NaN if lost; some may have missed the receiver.
 
-    ``in_housing``: flux (W) that the first body of the scene takes, which each meets.
+    ``in_housing``: flux (W) that bodies of the scene take, which each meets.
     """
 
     landings: Float[np.ndarray, "n 2"]

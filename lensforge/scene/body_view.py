@@ -1,8 +1,9 @@
 """Measured bodies of a ``[[scene]]`` as receivers: light on their surface, on all sides.
 
-A ray counts where it meets the body first, from outside: what the body itself or others shade is dark. An evaluation
-counts it by patches. A search, whose gradient moves hits, sees the surface from the lens instead, on the equal-area
-chart of directions: neighbours there are neighbours on the body, but at its rims.
+A ray counts where it meets the body first, from outside: what the body itself or others shade is dark. If it goes on
+from there and comes to the body again, by way of others, it counts again. An evaluation counts it by patches. A search,
+whose gradient moves hits, sees the surface from the lens instead, on the equal-area chart of directions: neighbours
+there are neighbours on the body, but at its rims.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,8 +22,9 @@ from lensforge.optics.pose import Pose
 from lensforge.scene.body_patches import BodyPatches
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Housing
+from lensforge.scene.housing_walk import legs_of
 from lensforge.scene.pixel_grid import PixelGrid, bilinear
-from lensforge.scene.receiver import Landings, PosedReceiver, equal_area, from_equal_area
+from lensforge.scene.receiver import LandedAgain, Landings, PosedReceiver, equal_area, from_equal_area
 from lensforge.spec import Spec
 from lensforge.spec.housing_sections import HousingSection, bodies_of
 from lensforge.spec.light_limits import BodyLimit
@@ -100,7 +102,12 @@ class LitBody(PosedReceiver):
 
 @dataclass(frozen=True)
 class BodyView(LitBody):
-    """The body as an evaluation sees it: patch k is pixel k of a picture of one row."""
+    """The body as an evaluation sees it: patch k is pixel k of a picture of one row.
+
+    ``among``: all bodies with it, where light may come to it by way of itself; None where none does.
+    """
+
+    among: Housing | None = field(default=None, kw_only=True)
 
     @staticmethod
     def of(section: HousingSection) -> "BodyView":
@@ -119,6 +126,39 @@ class BodyView(LitBody):
             rows = np.zeros_like(counted)
         shape = (rows[-1] + 1, len(self.patches))
         return sparse.csr_array((len(self.lamps) / areas_m2, (rows, counted)), shape=shape)
+
+    def before(self, others: Housing | None, among: Housing | None) -> "BodyView":
+        """The body among ``others``; ``among``: all bodies with it."""
+        relit = (
+            among is not None and among.events > 1 and among.finishes.reflectances[among.names.index(self.name)] > 0.0
+        )
+        return replace(self, housing=others, among=among if relit else None)
+
+    def seen_by_lamp(self, lamp: Pose) -> "BodyView":
+        """The body, and the bodies before it, as one lamp at a pose sees them."""
+        return replace(super().seen_by_lamp(lamp), among=self.among and self.among.seen_from(lamp))
+
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, NumPy arrays, also those that come to the body once more by way of itself."""
+        landings = super().land(rays)
+        return landings if self.among is None else replace(landings, again=self._landed_again(self.among, rays))
+
+    def _landed_again(self, among: Housing, rays: ExitRays) -> LandedAgain:
+        own = among.names.index(self.name)
+        once = np.zeros(len(rays.flux), dtype=bool)
+        parts = []
+        for leg in legs_of(among, rays, among.endless_shadow(rays), among.endless_shadow):
+            here = np.flatnonzero(leg.shadow.bodies == own)
+            more = here[once[leg.rows[here]]]
+            once[leg.rows[here]] = True
+            ways = (
+                self.pose.to_local_points(leg.rays.points[more]),
+                self.pose.to_local_directions(leg.rays.directions[more]),
+            )
+            _, pieces = self.met(*ways)
+            on = pieces >= 0
+            parts.append(LandedAgain(leg.rows[more][on], self._places(pieces[on]), leg.rays.flux[more][on]))
+        return LandedAgain(*map(np.concatenate, zip(*parts, strict=True)))
 
     def _land_by_arrays(self, rays: ExitRays) -> Landings:
         """Land ``rays``, NumPy arrays, with one cast in the place of two."""
@@ -287,8 +327,9 @@ def body_views(spec: Spec) -> tuple[BodyView, ...]:
     bodies = bodies_of(spec.scene)
     for section in bodies:
         if section.patch_mm is not None:
-            others = Housing.of([body for body in bodies if body is not section])
-            views.append(replace(BodyView.of(section), lamps=spec.all_lamps, housing=others))
+            others = Housing.of([body for body in bodies if body is not section], spec.scene_events)
+            view = BodyView.of(section).before(others, Housing.of(bodies, spec.scene_events))
+            views.append(replace(view, lamps=spec.all_lamps))
     return tuple(views)
 
 

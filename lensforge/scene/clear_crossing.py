@@ -1,25 +1,27 @@
 """Light that crosses a clear body of the scene: refracted at the triangle that it meets, and at that where it leaves.
 
-Unpolarised where it comes, its polarisation goes along from face to face. What either face reflects, and what is
-reflected totally within, stays in the body.
+Unpolarised where it comes, its polarisation goes along from face to face. What either face reflects in part stays in
+the body; what is reflected totally goes on within.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Inexact
 
 from lensforge.optics.dielectric import (
     fields_behind,
     fresnel_transmittances,
     passing_amplitudes,
+    reflecting_amplitudes,
     refract,
     transmitted_cosine_squared,
 )
+from lensforge.scene.wall_reflection import mirrored
 
 _Vectors = Float[np.ndarray, "n 3"]
 _Values = Float[np.ndarray, " n"]
-_Fields = Float[np.ndarray, "n 2 3"]
+_Fields = Inexact[np.ndarray, "n 2 3"]
 
 
 class CrossedRays(NamedTuple):
@@ -28,6 +30,14 @@ class CrossedRays(NamedTuple):
     places: _Vectors
     directions: _Vectors
     share: _Values
+
+
+class RaysWithin(NamedTuple):
+    """Rays within clear bodies: where they go on (mm), their directions, and their fields."""
+
+    places: _Vectors
+    directions: _Vectors
+    fields: _Fields
 
 
 def refracted(directions: _Vectors, fields: _Fields, normals: _Vectors, ratio: _Values) -> tuple[_Vectors, _Fields]:
@@ -42,3 +52,15 @@ def refracted(directions: _Vectors, fields: _Fields, normals: _Vectors, ratio: _
     amplitudes = passing_amplitudes(fresnel_transmittances(cosine, ratio), ratio)
     passed = fields_behind(fields, directions, behind, normals, amplitudes)
     return behind, passed * passes[:, None, None]
+
+
+def totally_reflected(
+    directions: _Vectors, fields: _Fields, normals: _Vectors, ratio: _Values
+) -> tuple[_Vectors, _Fields]:
+    """Unit directions and fields, then complex, of light that a face reflects totally.
+
+    ``normals``: along the rays; ``ratio``: index before over that behind.
+    """
+    amplitudes = reflecting_amplitudes((directions * normals).sum(axis=1), ratio)
+    within = mirrored(directions, normals)
+    return within, fields_behind(fields, directions, within, normals, amplitudes, reflected=True)

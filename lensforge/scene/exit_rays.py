@@ -27,8 +27,8 @@ class ExitRays:
 
     Where further bodies come: ``fields`` (real and imaginary parts of both, ``kernels.fields``) and the flux (W)
     ``carried`` of which half of the sum of their squares is left; ``lost_in_bodies``: what each body took, by its
-    number. A ray that ends in one has no flux, and its fate there. ``draws``: two numbers in [0, 1) of each ray, for a
-    diffuse wall that reflects it; None without such walls.
+    number. A ray that ends in one has no flux, and its fate there. ``draws``: two numbers in [0, 1) of each ray for
+    every event to come at a wall, which may be diffuse; None without such walls.
     """
 
     points: Float[Array, "n 3"]
@@ -43,7 +43,7 @@ class ExitRays:
     fields: Float[Array, "n 12"] | None = None
     carried: Float[Array, " n"] | None = None
     lost_in_bodies: Float[Array, "b n"] | None = None
-    draws: Float[np.ndarray, "n 2"] | None = None
+    draws: Float[np.ndarray, "n d"] | None = None
 
     @staticmethod
     def joined(parts: "Sequence[ExitRays]") -> "ExitRays":

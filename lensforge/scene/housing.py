@@ -1,7 +1,7 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
-A ray that meets one of them before its end is lost there, is reflected once, or crosses a clear one once: what then
-meets a second wall is lost. A search takes all bodies for black, and clear ones for air. As light must fade out in
+A ray that meets one of them before its end is lost there, is reflected, or crosses a clear one, and so on from body to
+body (``scene.housing_walk``). A search takes all bodies for black, and clear ones for air. As light must fade out in
 it, it also dims rays that pass a rim closely. With c the distance of a place of a body from the ray's line, and L how
 far that place lies along it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight
 ``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of
@@ -23,7 +23,7 @@ from lensforge.kernels.triangle_tree import TriangleTree, any_hits, first_hits, 
 from lensforge.optics.arrays import Array, lengths, like
 from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.pose import IN_PLACE, Pose, Vector
-from lensforge.scene.clear_crossing import CrossedRays, refracted
+from lensforge.scene.clear_crossing import CrossedRays, RaysWithin, refracted, totally_reflected
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.scene.wall_reflection import diffused, mirrored, towards_light
@@ -46,8 +46,8 @@ class Shadow(NamedTuple):
     ``places``: at which they meet it first (mm), in the frame of the bodies; 0 of others, and in a search, which asks
     for any body that a ray meets. ``by_points``, ``by_directions``:
     slopes of the weights by the points (1/mm) and directions of the rays. ``triangles``: that each meets, or -1.
-    ``onward``: share of the flux that goes on from there, 1 of rays that meet none. ``again``: True for rays that then
-    meet a second wall.
+    ``onward``: share of the flux that goes on from there, 1 of rays that meet none. ``again``: True for rays that meet
+    a further wall when they go on from no more.
     """
 
     weights: _Values
@@ -136,8 +136,9 @@ class Housing:
     """The bodies of a scene: their ``names``, the ``tree`` of their triangles, and of each triangle its body.
 
     ``finishes``: of the bodies. ``edges``: the tree of the edges in which they are not flat, ``edge_bodies`` the body
-    of each. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at
-    which rays are dimmed; 0: none is.
+    of each. ``events``: the most bodies from which light goes on; one less the most total reflections within a clear
+    one. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at which
+    rays are dimmed; 0: none is.
     """
 
     names: tuple[str, ...]
@@ -146,6 +147,7 @@ class Housing:
     bodies: Int[np.ndarray, " t"]
     edge_bodies: Int[np.ndarray, " e"]
     finishes: Finishes
+    events: int = 1
     place: Pose = IN_PLACE
     rim: float = 0.0
 
@@ -153,10 +155,10 @@ class Housing:
         return len(self.names)
 
     @staticmethod
-    def of(sections: Sequence[HousingSection]) -> "Housing | None":
+    def of(sections: Sequence[HousingSection], events: int = 1) -> "Housing | None":
         """The bodies of a spec; None without any. Raises :class:`InputError` for a file that cannot be read."""
         bodies = bodies_of(sections)
-        return _housing(bodies, contents_of(bodies)) if bodies else None
+        return _housing(bodies, contents_of(bodies), events) if bodies else None
 
     @property
     def reflects(self) -> bool:
@@ -229,6 +231,10 @@ class Housing:
             shadow.onward[clear] = self._crossing(shadow, clear, units[clear]).share
         return shadow
 
+    def endless_shadow(self, rays: ExitRays) -> Shadow:
+        """Shadow on ``rays``, NumPy arrays, those that left the lens, however far they go."""
+        return self.shadow(rays.points, rays.directions, np.where(rays.left_lens, np.inf, -np.inf))
+
     def _fade(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
         """Fill the ``shadow`` of a search on rays in the frame of the bodies."""
         lens = np.array(self.place.inverse.origin_mm)
@@ -252,21 +258,22 @@ class Housing:
 
         ``shadow``: theirs.
         """
-        rows = np.flatnonzero(shadow.met & (shadow.onward > 0.0))
+        rows = np.flatnonzero(shadow.met & ~shadow.again & (shadow.onward > 0.0))
         coming = self.place.to_local_directions(rays.directions[rows])
         normals = towards_light(self.normals[shadow.triangles[rows]], coming)
         going = mirrored(coming, normals)
         spread = np.flatnonzero(self.finishes.diffuse[shadow.bodies[rows]])
         if len(spread):
             assert rays.draws is not None, "the media know of diffuse walls"
-            going[spread] = diffused(coming[spread], normals[spread], rays.draws[rows[spread]])
+            going[spread] = diffused(coming[spread], normals[spread], rays.draws[rows[spread], :2])
         starts = shadow.places[rows] + _OFF_WALL_MM * normals
         clear = np.flatnonzero(self.finishes.clear[shadow.bodies[rows]])
         if len(clear):
             starts[clear], going[clear], _ = self._crossing(shadow, rows[clear], coming[clear])
         flux = shadow.onward[rows] * rays.flux[rows]
         ways = self.place.points(starts), self.place.directions(going)
-        return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows]))
+        draws = None if rays.draws is None else rays.draws[rows, 2:]
+        return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows], draws=draws))
 
     def _crossing(self, shadow: Shadow, rows: Int[np.ndarray, " k"], coming: _Vectors) -> CrossedRays:
         """Light behind the clear bodies that the rays ``rows`` of a ``shadow`` meet, in the frame of the bodies.
@@ -274,20 +281,34 @@ class Housing:
         One that meets another body within, as where bodies overlap, does not leave.
         """
         bodies = shadow.bodies[rows]
-        index = self.finishes.indices[bodies]
         inwards = -towards_light(self.normals[shadow.triangles[rows]], coming)
-        within, fields = refracted(coming, unpolarised_fields(coming), inwards, 1.0 / index)
+        within = refracted(coming, unpolarised_fields(coming), inwards, 1.0 / self.finishes.indices[bodies])
         starts = shadow.places[rows] + _OFF_WALL_MM * inwards
-        lengths_mm = np.empty(len(rows))
-        numbers = np.empty(len(rows), dtype=np.int64)
-        first_hits(starts, within, np.full(len(rows), np.inf), self.tree, lengths_mm, numbers)
+        return self._out_of(bodies, RaysWithin(starts, *within), self.events)
+
+    def _out_of(self, bodies: Int[np.ndarray, " k"], rays: RaysWithin, events: int) -> CrossedRays:
+        """Light that leaves ``bodies`` from within at one of so many ``events``; at others it is totally reflected."""
+        starts, within, fields = rays
+        index = self.finishes.indices[bodies]
+        lengths_mm = np.empty(len(bodies))
+        numbers = np.empty(len(bodies), dtype=np.int64)
+        first_hits(starts, within, np.full(len(bodies), np.inf), self.tree, lengths_mm, numbers)
         leaves = (numbers >= 0) & (self.bodies[numbers] == bodies)
         lengths_mm = np.where(leaves, lengths_mm, 0.0)
         outwards = -towards_light(self.normals[numbers], within)
-        going, fields = refracted(within, fields, outwards, index)
-        share = 0.5 * (fields**2).sum(axis=(1, 2)) * np.exp(-self.finishes.absorptions[bodies] * lengths_mm)
-        places = starts + lengths_mm[:, None] * within + _OFF_WALL_MM * outwards
-        return CrossedRays(places, going, share * leaves)
+        going, passed = refracted(within, fields, outwards, index)
+        left = np.exp(-self.finishes.absorptions[bodies] * lengths_mm)
+        share = 0.5 * (np.abs(passed) ** 2).sum(axis=(1, 2)) * left
+        ends = starts + lengths_mm[:, None] * within
+        crossed = CrossedRays(ends + _OFF_WALL_MM * outwards, going, share * leaves)
+        total = np.flatnonzero(leaves & ~passed.any(axis=(1, 2)))
+        if events > 1 and len(total):
+            amplitudes = fields[total] * np.sqrt(left[total])[:, None, None]
+            again = totally_reflected(within[total], amplitudes, outwards[total], index[total])
+            inside = RaysWithin(ends[total] - _OFF_WALL_MM * outwards[total], *again)
+            for values, later in zip(crossed, self._out_of(bodies[total], inside, events - 1), strict=True):
+                values[total] = later
+        return crossed
 
     @cached_property
     def normals(self) -> _Vectors:
@@ -307,7 +328,7 @@ def _rounded(points: Float[np.ndarray, "n k"]) -> set[tuple[float, ...]]:
 
 
 @lru_cache(maxsize=8)
-def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...]) -> Housing:
+def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...], events: int) -> Housing:
     meshes = [placed_mesh(section) for section in sections]
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
     bodies = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
@@ -315,7 +336,7 @@ def _housing(sections: tuple[HousingSection, ...], _contents: tuple[str, ...]) -
     names = tuple(section.name for section in sections)
     edge_bodies = np.repeat(np.arange(len(meshes)), [len(edges) for edges in rims])
     trees = tree_of(corners), tree_of(np.concatenate(rims))
-    return Housing(names, *trees, bodies, edge_bodies, Finishes.of(sections))
+    return Housing(names, *trees, bodies, edge_bodies, Finishes.of(sections), events)
 
 
 @lru_cache(maxsize=8)

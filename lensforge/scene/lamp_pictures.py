@@ -175,7 +175,7 @@ def _pictures(receiver: PosedReceiver) -> LampPictures:
         elif level:
             rasters.append(_wider(receiver, members, moves[members]))
         else:
-            seen = _seen(receiver, lamps.lamps[members[0]].pose)
+            seen = receiver.seen_by_lamp(lamps.lamps[members[0]].pose)
             rasters.append(Raster(seen, len(members), ((0, 0),) * len(members), tuple(members)))
     return LampPictures(receiver, tuple(rasters))
 
@@ -265,10 +265,4 @@ def seen_by(receiver: PosedReceiver, number: int) -> PosedReceiver:
     lamp = lamps.lamps[number].pose
     if lamps.period_mm is not None:
         return PeriodPlane(receiver.pose.seen_from(lamp), receiver.grid, Window(), lamps)
-    return _seen(receiver, lamp)
-
-
-def _seen(receiver: PosedReceiver, lamp: Pose) -> PosedReceiver:
-    """The receiver, and the bodies before it, as one lamp at a pose sees them."""
-    housing = None if receiver.housing is None else receiver.housing.seen_from(lamp)
-    return replace(receiver, pose=receiver.pose.seen_from(lamp), lamps=ALONE, housing=housing)
+    return receiver.seen_by_lamp(lamp)

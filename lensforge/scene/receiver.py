@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from math import inf
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,11 +19,20 @@ from lensforge.optics.arrays import Array, as_numpy, module_of, replaced, rows_o
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.housing import Housing, Shadow
+from lensforge.scene.housing_walk import Leg, last_of, legs_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.spec.receiver_fields import ReceiverSection
 
 _WORTH_SHARING = 2**16  # rays: half a millisecond of work
+
+
+class LandedAgain(NamedTuple):
+    """Light that lands on a receiver by way of that itself: ``rows`` of the rays, ``hits``, and ``flux`` (W)."""
+
+    rows: Int[np.ndarray, " k"]
+    hits: Float[np.ndarray, "k 2"]
+    flux: Float[np.ndarray, " k"]
 
 
 @dataclass(frozen=True)
@@ -33,7 +42,8 @@ class Landings:
     ``hits``: coordinates on the receiver's chart; ``flux``: W; both 0 where a ray did not land. ``landed``: rays that
     reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
     ``shadow``: of the bodies before it, in NumPy; None without any. A ray that they reflect lands from there.
-    ``paths_mm``: lengths of the ways there, in NumPy, where the receiver's kernel tells them.
+    ``paths_mm``: lengths of the ways there, in NumPy, where the receiver's kernel tells them. ``legs``: of the rays
+    from body to body; empty where none goes on from any. ``again``: what lands once more; None for none.
     """
 
     hits: Float[Array, "n 2"]
@@ -42,6 +52,8 @@ class Landings:
     missed_receiver: Bool[Array, " n"]
     shadow: Shadow | None = None
     paths_mm: Float[np.ndarray, " n"] | None = None
+    legs: tuple[Leg, ...] = ()
+    again: LandedAgain | None = None
 
     @property
     def arrived(self) -> Bool[Array, " n"]:
@@ -49,7 +61,7 @@ class Landings:
         return self.flux > 0.0
 
     def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
-        """Landings of some of the rays."""
+        """Landings of some of the rays, none of which goes on from a body."""
         hits, flux, landed, missed = (
             column[rows] for column in (self.hits, self.flux, self.landed, self.missed_receiver)
         )
@@ -126,6 +138,11 @@ class PosedReceiver(ABC):
         """The receiver before bodies that are all black."""
         return self if self.housing is None else replace(self, housing=self.housing.black)
 
+    def seen_by_lamp(self, lamp: Pose) -> Self:
+        """The receiver, and the bodies before it, as one lamp at a pose sees them."""
+        housing = self.housing and self.housing.seen_from(lamp)
+        return replace(self, pose=self.pose.seen_from(lamp), lamps=ALONE, housing=housing)
+
     def searched(self, rim_deg: float, lens_mm: float) -> Self:
         """The receiver of a search, in which bodies are black, or air, and shadows fade out over an angle.
 
@@ -152,15 +169,18 @@ class PosedReceiver(ABC):
 
     def _with_reflected(self, housing: Housing, rays: ExitRays, landings: Landings, shadow: Shadow) -> Landings:
         """``landings`` with those of ``rays`` that bodies reflect, NumPy arrays."""
-        rows, reflected = housing.reflected(rays, shadow)
-        behind = self._land(reflected)
-        again = self._shadow(housing, reflected, behind).met
+        legs = legs_of(housing, rays, shadow, lambda leg: self._shadow(housing, leg, self._land(leg)))
+        rows = legs[1].rows
+        last = last_of(legs)
+        behind = self._land(last.rays.take(rows))
+        free = last.shadow.lost[rows] < 1.0
         return Landings(
             replaced(landings.hits, rows, behind.hits),
-            replaced(landings.flux, rows, behind.flux * ~again),
-            replaced(landings.landed, rows, behind.landed & ~again),
-            replaced(landings.missed_receiver, rows, behind.missed_receiver & ~again),
-            shadow._replace(again=replaced(shadow.again, rows, again)),
+            replaced(landings.flux, rows, behind.flux * free),
+            replaced(landings.landed, rows, behind.landed & free),
+            replaced(landings.missed_receiver, rows, behind.missed_receiver & free),
+            last.shadow,
+            legs=legs,
         )
 
     def _shadow(self, housing: Housing, rays: ExitRays, landings: Landings) -> Shadow:

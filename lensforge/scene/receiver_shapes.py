@@ -172,7 +172,7 @@ def chart_radius(gamma_deg: float) -> float:
 def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     """The receivers of ``spec``, with ``pixels`` along the longer side of each."""
     built = [
-        replace(receiver, housing=Housing.of(bodies_of(spec.scene, from_afar=receiver.is_far)))
+        replace(receiver, housing=Housing.of(bodies_of(spec.scene, from_afar=receiver.is_far), spec.scene_events))
         for receiver in (build_receiver(section, pixels) for section in spec.all_receivers)
     ]
     if not spec.all_lamps.is_single:

@@ -81,9 +81,13 @@ def with_facets(rays: RayBundle, faces: int) -> RayBundle:
     return replace(rays, facets=np.column_stack([_numbers(rays, keys, face) for face in range(faces)]))
 
 
-def wall_numbers(rays: RayBundle, media: Media) -> Numbers | None:
-    """Two numbers of each ray for the wall of the scene that reflects it; None if no wall is diffuse."""
-    return _numbers(rays, keys_of_rays(rays), media.scattering - 1) if media.walls == "diffuse" else None
+def wall_numbers(rays: RayBundle, media: Media) -> NumbersOfFaces | None:
+    """Two numbers of each ray for every wall of the scene that reflects it, in turn; None if no wall is diffuse."""
+    if not media.diffusing:
+        return None
+    keys = keys_of_rays(rays)
+    before = media.scattering - media.diffusing
+    return np.hstack([_numbers(rays, keys, before + event) for event in range(media.diffusing)])
 
 
 def facet_numbers(rays: RayBundle, keys: Keys, faces: Sequence[Scatter | None], before: int = 0) -> NumbersOfFaces:

@@ -27,7 +27,14 @@ from lensforge.spec.derived_values import derived_sizes, receiver_of
 from lensforge.spec.double_lens import LensSection
 from lensforge.spec.emitter_section import EmitterSection
 from lensforge.spec.feasible import require_drawn_over_plate, require_feasible
-from lensforge.spec.housing_sections import MOST_BODIES, HousingSection, bodies_of, reflection_of, require_scene
+from lensforge.spec.housing_sections import (
+    MOST_BODIES,
+    MOST_SCENE_EVENTS,
+    HousingSection,
+    bodies_of,
+    reflection_of,
+    require_scene,
+)
 from lensforge.spec.lamps_section import AnyLamps, Lamps, lamps_of
 from lensforge.spec.lamps_together import require_kinds, require_together
 from lensforge.spec.lens_section import LensShape
@@ -117,7 +124,12 @@ class Spec(Section):
         default=(), description="Given optics that the light passes behind the lens, in this order: domes, covers."
     )
     scene: Annotated[tuple[HousingSection, ...], Field(max_length=MOST_BODIES)] = Field(
-        default=(), description="Opaque bodies in the light behind the lens: a bezel, a tube, a wall."
+        default=(), description="Bodies in the light behind the lens: a bezel, a tube, a wall, a cover, a room."
+    )
+    scene_events: Annotated[int, Field(ge=1, le=MOST_SCENE_EVENTS)] = Field(
+        default=1,
+        description="Most bodies of `scene` from which light goes on, one after another, by reflection or through a "
+        "clear one, in which it may be reflected totally one time less. The search counts none.",
     )
     constraints: ConstraintsSection = Field(
         description="Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."
@@ -181,8 +193,8 @@ class Spec(Section):
     @model_serializer(mode="wrap")
     def _as_before_states(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
         """The spec without what it lacks: one without states, application or scene keeps its hash of before them."""
-        later = ("states", "application", "scene")
-        return {name: value for name, value in write(self).items() if name not in later or value}
+        later = ("states", "application", "scene", "scene_events")
+        return {name: value for name, value in write(self).items() if name not in later or (value and value != 1)}
 
     @check
     def _sources_are_told_apart(self) -> None:
@@ -343,7 +355,8 @@ class Spec(Section):
     @property
     def media(self) -> Media:
         """The media that light passes: those of the lens, and the bodies behind it; how bodies of the scene reflect."""
-        return replace(media_with(self.bodies, self.lens), walls=reflection_of(self.scene))
+        walls = reflection_of(self.scene)
+        return replace(media_with(self.bodies, self.lens), walls=walls, wall_events=self.scene_events)
 
     @property
     def grown_mm(self) -> float:

@@ -23,6 +23,7 @@ from lensforge.spec.spec_files import alike
 from lensforge.spec.spec_section import Coordinate, FilePath, Label, Millimetres, MillimetresOrZero, Section, check
 
 MOST_BODIES = 32
+MOST_SCENE_EVENTS = 16
 
 Wall = Literal["black", "diffuse", "mirror"]
 Finish = Literal[Wall, "clear"]
@@ -34,9 +35,10 @@ _Reflectance = Annotated[float, Field(ge=0.0, le=1.0)] | None
 class HousingSection(OfSeveralKinds, Section):
     """Fields of every body in the light behind the lens. A black one takes all light that meets it.
 
-    Others reflect light once, or let it through once: what then meets another body, or the same again, is lost. A body
-    stands in the coordinates of the lens, or of all lamps, as receivers do; those behind it are in its shadow. The
-    search knows it, and takes it for black, but a clear one for air. No body may reach into the room of the lens.
+    Others reflect light, or let it through; what has gone on from as many bodies as `scene_events` says is lost at the
+    next one. A body stands in the coordinates of the lens, or of all lamps, as receivers do; those behind it are in its
+    shadow. The search knows it, and takes it for black, but a clear one for air. No body may reach into the room of the
+    lens.
     """
 
     encloses: ClassVar[bool] = False  # all light: no far field and no eye looks at it from outside
