@@ -97,7 +97,7 @@ def _fields(node: ast.ClassDef) -> set[str]:
 
 
 def test_concepts_stand_once() -> None:
-    """Loops over the events of light: the kernels', their adjoint's, the readable tracer's; the proof has its own.
+    """Loops over events: the kernels', their adjoint's, the readable tracer's, a scene's; the proof has its own.
 
     A value is judged by one type, and a thing stands in its place by one: sections of the spec and lamps make it of the
     numbers that are stated, the proof has its own. A kind of lens is asked for as ``tests/test_lens_kinds.py`` says.
@@ -123,7 +123,7 @@ def test_concepts_stand_once() -> None:
         if re.search(r"^ *for event in range\(", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
     assert {path for path in loops if not path.startswith("proof/")} == {
-        "kernels/adjoint.py", "kernels/trace.py", "light/reference_trace.py",
+        "kernels/adjoint.py", "kernels/trace.py", "light/reference_trace.py", "scene/housing_walk.py",
     }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from lensforge.kernels.fate import Fate
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Shadow
-from lensforge.scene.housing_walk import Leg
+from lensforge.scene.housing_walk import SceneLeg
 from lensforge.scene.lamp_pictures import LampPictures
 from lensforge.scene.pixel_grid import bin_flux, rebinned
 from lensforge.scene.receiver import Landings, PosedReceiver
@@ -90,7 +90,7 @@ class ReceivedFlux:
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver, landings.shadow)
         inside = receiver.window.contains(hits)
         if landings.shadow is not None and self.by_housing is not None:
-            legs = landings.legs or (Leg.first(rays, landings.shadow),)
+            legs = landings.legs or (SceneLeg.first(rays, landings.shadow),)
             self.by_housing[replicate] += share * _by_body(legs, landings.flux * inside, self.by_housing.shape[1])
         self.window[replicate] += flux[inside].sum()
         self.outside[replicate] += flux[~inside].sum()
@@ -156,7 +156,7 @@ def flux_by_fate(
     return by_fate if rays.lost_in_bodies is None else np.concatenate([by_fate, rays.lost_in_bodies.sum(axis=1)])
 
 
-def _by_body(legs: Sequence[Leg], landed: Float[np.ndarray, " n"], bodies: int) -> Float[np.ndarray, "b 7"]:
+def _by_body(legs: Sequence[SceneLeg], landed: Float[np.ndarray, " n"], bodies: int) -> Float[np.ndarray, "b 7"]:
     """Sums of flux (W) by body over all ``legs``; ``landed``: of each ray in the window, by way of the last body.
 
     Taken, taken of rays that end there, returned, incident; incident flux times place: the last three are W mm.
@@ -168,7 +168,7 @@ def _by_body(legs: Sequence[Leg], landed: Float[np.ndarray, " n"], bodies: int) 
     return np.asarray(np.sum(parts, axis=0))
 
 
-def _of_leg(leg: Leg, returned: Float[np.ndarray, " k"], bodies: int) -> Float[np.ndarray, "b 7"]:
+def _of_leg(leg: SceneLeg, returned: Float[np.ndarray, " k"], bodies: int) -> Float[np.ndarray, "b 7"]:
     shadow = leg.shadow
     met = shadow.met & ~shadow.again
     flux = leg.rays.flux[met]

@@ -45,9 +45,9 @@ class Flux(Record):
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
     that surface. ``absorbed``: by the body from face to face, and by mirrors. ``cover_glass``: reflected and absorbed
-    by it. ``bodies``: likewise by the further bodies, and light that ends there. ``housing``: taken by the opaque
-    bodies of the scene that it meets first; ``second_wall``: reflected there, met another. ``reflected``: at faces that
-    let light through, which a sequential design does not follow.
+    by it. ``bodies``: likewise by the further bodies, and light that ends there. ``housing``: taken by the
+    bodies of the scene that it meets; ``second_wall``: went on from these by all its events, and met a further one.
+    ``reflected``: at faces that let light through, which a sequential design does not follow.
     """
 
     detected: Share
@@ -79,8 +79,9 @@ class BlockedLight(Record):
     """Light that a body of the scene keeps from the receiver.
 
     ``share``: of the emitted flux that the body takes; ``returned``: that which it reflects into the window, None of a
-    black one; ``passed``: that which comes through a clear one into the window; ``trapped``: of ``share``, what it
-    reflects totally within. ``place_mm``: mean of the places at which light meets it, weighted by flux.
+    black one; ``passed``: that which comes through a clear one into the window; both of the body from which light comes
+    last. ``trapped``: of ``share``, what ends within a clear one. ``place_mm``: mean of the places at which light meets
+    it, weighted by flux.
     """
 
     name: Text

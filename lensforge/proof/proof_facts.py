@@ -26,7 +26,7 @@ _ENDS = {
     "cover_glass": "lost in the cover glass",
     "bodies": "lost in the further bodies",
     "housing": "blocked by housing",
-    "second_wall": "met a second wall",
+    "second_wall": "met a further wall",
     "base": "absorbed by the base",
     "too_dim": "below the flux cut-off",
     "leaked": "leaked at the mesh's edges",

@@ -352,7 +352,7 @@ _WORDS = {
     "cover_glass": "lost in the cover glass",
     "bodies": "",  # each by its name
     "housing": "blocked by housing",
-    "second_wall": "met a second wall",
+    "second_wall": "met a further wall",
     "outside": "outside the window",
 }
 

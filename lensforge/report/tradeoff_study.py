@@ -31,6 +31,7 @@ from lensforge.sources.several_sources import each_of
 from lensforge.spec import AnyAccuracy, Spec
 from lensforge.spec.accuracy import PRESETS, Preset, preset_of
 from lensforge.spec.spec_files import section_sha256
+from lensforge.spec.spec_section import Section
 from lensforge.surfaces.imported_face import LENS_FILE
 
 PAGE = "tradeoff.html"
@@ -183,9 +184,10 @@ _NOT_OF_THE_SCENE = ("name", "optimise", "evaluate", "base", "plate", "manufactu
 
 
 def _hashes(spec: Spec, section: str) -> list[str]:
+    """Hashes of the tables of a section, or the value of a field that is none."""
     content = getattr(spec, section)
     sections = content if isinstance(content, tuple) else () if content is None else (content,)
-    return [section_sha256(section) for section in sections]
+    return [section_sha256(section) if isinstance(section, Section) else str(section) for section in sections]
 
 
 _HEIGHT = 3.0

@@ -19,7 +19,7 @@ from lensforge.optics.arrays import Array, as_numpy, module_of, replaced, rows_o
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.housing import Housing, Shadow
-from lensforge.scene.housing_walk import Leg, last_of, legs_of
+from lensforge.scene.housing_walk import SceneLeg, last_of, legs_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.spec.receiver_fields import ReceiverSection
@@ -52,7 +52,7 @@ class Landings:
     missed_receiver: Bool[Array, " n"]
     shadow: Shadow | None = None
     paths_mm: Float[np.ndarray, " n"] | None = None
-    legs: tuple[Leg, ...] = ()
+    legs: tuple[SceneLeg, ...] = ()
     again: LandedAgain | None = None
 
     @property

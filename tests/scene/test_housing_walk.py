@@ -19,7 +19,7 @@ from lensforge.proof.obstacles import Obstacles
 from lensforge.scene.body_view import BodyView
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Housing
-from lensforge.scene.housing_walk import Leg, last_of, legs_of
+from lensforge.scene.housing_walk import SceneLeg, last_of, legs_of
 from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux
 from lensforge.scene.receiver_shapes import Plane
 from lensforge.seeds import sobol
@@ -45,7 +45,7 @@ def housing_of(*sections: HousingSection, events: int) -> Housing:
     return housing
 
 
-def walked(housing: Housing, rays: ExitRays) -> tuple[tuple[Leg, ...], Leg]:
+def walked(housing: Housing, rays: ExitRays) -> tuple[tuple[SceneLeg, ...], SceneLeg]:
     legs = legs_of(housing, rays, housing.endless_shadow(rays), housing.endless_shadow)
     return legs, last_of(legs)
 
