@@ -472,3 +472,50 @@ def test_a_search_and_an_eye_look_through_clear_bodies_as_if_they_were_air() -> 
     for one, other in ((0, 1), (2, 3)):
         assert all((first == same).all() for first, same in zip(pictures[one], pictures[other], strict=True))
     assert any((first != other).any() for first, other in zip(pictures[0], pictures[3], strict=True))
+
+
+def test_more_events_follow_light_from_body_to_body_in_every_figure() -> None:
+    """Between a ring and a wall above it: whole budgets, what was lost at a second body lands, in far fields, too."""
+    wall = HALF | WHITE | {"centre_mm": [30.0, 5.0, 62.0], "size_mm": [70.0, 80.0, 2.0], "tilt_deg": [10.0, -15.0]}
+    far_field = {"kind": "far_field", "half_angle_deg": 70.0, "targets": [{"kind": "disc", "diameter_deg": 70.0}]}
+    near = {
+        "kind": "plane", "centre_mm": [0.0, 0.0, 150.0], "width_mm": 160.0, "height_mm": 160.0,
+        "targets": [{"kind": "disc", "diameter_mm": 80.0}],
+    }  # fmt: skip
+    receivers = {"target": None, "receivers": [far_field, near]}
+    once, twice, often = (light_of(RING | MIRROR, wall, scene_events=events, **receivers) for events in (1, 2, 9))
+    for number in (0, 1):
+        fluxes = [light.receivers[number].flux for light, _ in (once, twice, often)]
+        for flux in fluxes:
+            assert sum(flux.model_dump().values()) == pytest.approx(1.0, abs=1e-9)
+        lost = [flux.second_wall for flux in fluxes]
+        assert lost[0] > 1.3 * lost[1] > 10.0 * lost[2] > 0.0, lost
+        first, second, last = (
+            {body.name: body for body in light.receivers[number].blocked} for light, _ in (once, twice, often)
+        )
+        assert second["ring"].share.value > first["ring"].share.value
+        for bodies, flux in zip((first, second, last), fluxes, strict=True):
+            assert sum(body.share.value for body in bodies.values()) == pytest.approx(flux.housing, abs=1e-9)
+    for light, lens in (twice, often):
+        far = lf.photometry(lens, rays=2**14).lost_w
+        flux_w = searched_source(lens.spec).flux_w
+        assert far.housing / flux_w == pytest.approx(light.receivers[0].flux.housing, abs=0.01)
+        assert far.second_wall / flux_w == pytest.approx(light.receivers[0].flux.second_wall, abs=0.004)
+    spec = once[1].spec
+    assert "scene_events" not in spec.model_dump() and often[1].spec.model_dump()["scene_events"] == 9
+    assert spec.media.scattering == 1 and often[1].spec.media.scattering == 9
+
+
+def test_a_yield_counts_the_light_that_comes_back_to_a_body() -> None:
+    """The mean on a white wall that lights itself by way of a ring; without that it is less."""
+    wall = HALF | WHITE | {"centre_mm": [3.0, 5.0, 52.0], "size_mm": [70.0, 80.0, 2.0], "patch_mm": 20.0}
+    mean = DOSE | {"body": "half", "of": "mean"}
+    moved = {"lens_shift_mm": 0.02}
+    often, once = (
+        lens_of(small_spec(scene=[RING | WHITE, wall], scene_events=events, limits=[mean], tolerances=moved))
+        for events in (4, 1)
+    )
+    spread = measure_yield(often, parts=3, rays=2**10, with_budget=False).metrics["limits.0: mean light on the body"]
+    judged, less = (lf.evaluate(lens, rays=2**12).limits[0].value for lens in (often, once))
+    assert judged is not None and less is not None
+    assert spread.mean.value == pytest.approx(judged, rel=0.04) and judged > 1.1 * less
