@@ -14,15 +14,21 @@ from test_wall_reflection import drawn, obstacle
 from lensforge.cad.mesh import BodyMesh
 from lensforge.cad.mesh_files import stl_bytes
 from lensforge.light.received_flux import BLOCKED, SECOND_WALL, ReceivedFlux, flux_by_fate
+from lensforge.optics.media import FaceScatter, Media, Medium
 from lensforge.optics.pose import Pose
+from lensforge.optics.scattering import GaussianFacets
 from lensforge.proof.obstacles import Obstacles
+from lensforge.proof.obstacles import wall_numbers as proof_numbers
 from lensforge.scene.body_view import BodyView
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Housing
 from lensforge.scene.housing_walk import SceneLeg, last_of, legs_of
 from lensforge.scene.pixel_grid import PixelGrid, Window, bin_flux
 from lensforge.scene.receiver_shapes import Plane
+from lensforge.scene.rough_faces import wall_numbers as design_numbers
+from lensforge.scene.rough_faces import with_facets
 from lensforge.seeds import sobol
+from lensforge.sources.ray_bundle import RayBundle
 from lensforge.spec.housing_sections import HousingBox, HousingFile, HousingRoom, HousingSection
 
 # Two mirrors beside the light, whose inner faces lean away from one another.
@@ -324,3 +330,22 @@ def test_every_event_has_numbers_of_its_own() -> None:
         cosine = np.abs(leg.rays.directions[:, 2])
         radius = np.sqrt(more.draws[leg.rows, 2 * number])
         assert cosine == pytest.approx(np.sqrt(1.0 - radius**2), abs=1e-12)
+
+
+def test_rays_have_the_numbers_of_all_events_in_any_part_of_a_bundle_and_in_the_proof() -> None:
+    """Behind those of a rough face; of a source that draws some, and of rays that draw all by their bits."""
+    rough = (FaceScatter("outer", GaussianFacets(0.05)),)
+    media = Media(Medium(1.5), walls="diffuse", wall_events=3, scatter=rough)
+    given = from_point(500)
+    bundle = RayBundle(given.points, given.directions, given.flux)
+    for rays in (bundle, replace(bundle, facets=sobol(500, 4, 3))):
+        numbers = design_numbers(rays, media)
+        assert numbers is not None and numbers.shape == (500, 6) and media.scattering == 4
+        assert len(np.unique(numbers)) == 3000 and 0.0 <= numbers.min() < 0.01 and 0.99 < numbers.max() < 1.0
+        assert (design_numbers(rays.take(slice(100, 300)), media) == numbers[100:300]).all()
+        assert (proof_numbers(with_facets(rays, media.scattering), media) == numbers).all()
+        once = design_numbers(rays, replace(media, wall_events=1))
+        assert once is not None and (numbers[:, :2] == once).all()
+    own = proof_numbers(bundle, media, 5)
+    assert own.shape == (500, 6) and len(np.unique(own)) == 3000
+    assert design_numbers(bundle, replace(media, walls="mirror")) is None
