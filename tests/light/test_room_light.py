@@ -10,10 +10,15 @@ from test_scene_light import LAMPS, POST, WHITE, lens_of
 
 import lensforge as lf
 from lensforge.light.lens_light import searched_source
+from lensforge.light.replicate_rays import ReplicateRays
+from lensforge.light.simulation import TracedLens
+from lensforge.made.part_light import PartLight
+from lensforge.optics.efficacy import UNKNOWN
 from lensforge.proof.proof_inputs import independent_light, screens_of
 from lensforge.proof.sequential_cast import CastFate, Passage
 from lensforge.scene.body_view import body_views
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.limit_readings import light_limits
 from lensforge.scene.pixel_grid import bin_flux
 from lensforge.scene.receiver_shapes import receivers_of, seen_by_lamp
 from lensforge.sources.ray_bundle import RayBundle
@@ -98,6 +103,39 @@ def test_the_budget_of_a_room_is_whole() -> None:
     assert sum(taken.values()) == pytest.approx(receiver.flux.housing, abs=1e-12)
     assert {"post", "room-wall-1", "room-wall-3"} <= set(taken) and receiver.flux.second_wall > 1e-3
     assert "room-floor" not in taken, "light lands before it"
+
+
+EVEN = {name: value for name, value in GIVEN.items() if not name.startswith(("floor", "ceiling"))} | {
+    "reflectance": 0.8
+}
+
+
+@pytest.mark.parametrize("lamps", [None, LAMPS], ids=["one lamp", "two lamps"])
+def test_the_sides_of_an_even_room_together_have_a_geometric_series(lamps: dict[str, Any] | None) -> None:
+    """All light that leaves a lens comes to a side, and 0.8 of it to a further one, three times."""
+    light = lf.evaluate(lens_of(small_spec(scene=[EVEN], scene_events=3, lamps=lamps)), rays=2**12)
+    flux = light.receivers[0].flux
+    left = flux.detected + flux.outside + flux.housing + flux.second_wall
+    on_sides = sum(1e-6 * body.area_mm2 * body.mean.value for body in light.on_bodies)
+    lamps_w = 1.0 if lamps is None else 2.0
+    assert on_sides == pytest.approx(lamps_w * left * (1.0 + 0.8 + 0.8**2 + 0.8**3), rel=1e-6)
+
+
+def test_the_parts_of_a_yield_have_the_same_series() -> None:
+    """In the pictures of all sides together, by the rays that parts share."""
+    limit = {"kind": "body", "body": "room-floor", "of": "mean", "at_least": 0.1, "unit": "w_per_m2"}
+    spec = small_spec(scene=[EVEN], scene_events=3, limits=[limit])
+    source = searched_source(spec)
+    held = ReplicateRays.of(source, 2**11, 3)
+    receivers = receivers_of(spec, 16)
+    limits = tuple(light_limits(spec, receivers, UNKNOWN, source.flux_w))
+    light = PartLight(spec, TracedLens.of(lens_of(spec), 3.0), receivers, limits, held)
+    exits = light.exit_rays(None)
+    pictures = [seen.images for seen in light.seen(exits, held, 1.0)]
+    left = np.bincount(held.replicate, exits.flux * exits.left_lens)
+    series = 1.0 + 0.8 + 0.8**2 + 0.8**3
+    assert len(pictures) == 6
+    assert sum(picture.sum(axis=(1, 2)) for picture in pictures) == pytest.approx(series * left, rel=1e-6)
 
 
 def test_a_lens_lights_the_floor_as_a_receiver_in_it_and_as_a_body() -> None:

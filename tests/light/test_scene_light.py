@@ -504,18 +504,3 @@ def test_more_events_follow_light_from_body_to_body_in_every_figure() -> None:
     spec = once[1].spec
     assert "scene_events" not in spec.model_dump() and often[1].spec.model_dump()["scene_events"] == 9
     assert spec.media.scattering == 1 and often[1].spec.media.scattering == 9
-
-
-def test_a_yield_counts_the_light_that_comes_back_to_a_body() -> None:
-    """The mean on a white wall that lights itself by way of a ring; without that it is less."""
-    wall = HALF | WHITE | {"centre_mm": [3.0, 5.0, 52.0], "size_mm": [70.0, 80.0, 2.0], "patch_mm": 20.0}
-    mean = DOSE | {"body": "half", "of": "mean"}
-    moved = {"lens_shift_mm": 0.02}
-    often, once = (
-        lens_of(small_spec(scene=[RING | WHITE, wall], scene_events=events, limits=[mean], tolerances=moved))
-        for events in (4, 1)
-    )
-    spread = measure_yield(often, parts=3, rays=2**10, with_budget=False).metrics["limits.0: mean light on the body"]
-    judged, less = (lf.evaluate(lens, rays=2**12).limits[0].value for lens in (often, once))
-    assert judged is not None and less is not None
-    assert spread.mean.value == pytest.approx(judged, rel=0.04) and judged > 1.1 * less

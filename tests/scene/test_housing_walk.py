@@ -96,7 +96,8 @@ def test_two_mirrors_show_the_images_of_images(events: int) -> None:
     received = ReceivedFlux.none_yet(replace(receiver, housing=housing_of(LEFT, RIGHT, events=events)), 1, ())
     received.add(0, 1.0, receiver, rays, landings)
     assert received.by_housing is not None
-    taken, _, returned, *_ = received.by_housing[0].T
+    taken, _, returned, incident, *_ = received.by_housing[0].T
+    assert taken == pytest.approx(incident * [0.1, 0.2], rel=1e-9)
     assert taken.sum() == pytest.approx(ends[BLOCKED], abs=1e-12) and (taken > 0.0).all()
     in_window = landings.flux * receiver.window.contains(landings.hits)
     assert returned.sum() == pytest.approx(in_window[landings.shadow.met].sum()) and (returned > 0.0).all()
