@@ -87,7 +87,8 @@ class PatchedBody:
             landed.append(
                 (rows, passage.flux[left][rows] * way.share[on_body], self.patches[way.met.triangles[on_body]])
             )
-        rows, flux, patches = (np.concatenate(column) for column in zip(*landed, strict=True))
+        order = np.concatenate([rows for rows, *_ in landed]).argsort(kind="stable")  # of the rays: sums have one order
+        rows, flux, patches = (np.concatenate(column)[order] for column in zip(*landed, strict=True))
         size = len(self.designed)
         of_rays = float((np.bincount(rows, flux) ** 2).sum())
         return np.bincount(patches, flux, size), np.bincount(patches, flux**2, size), of_rays

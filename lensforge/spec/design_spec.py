@@ -129,7 +129,7 @@ class Spec(Section):
     scene_events: Annotated[int, Field(ge=1, le=MOST_SCENE_EVENTS)] = Field(
         default=1,
         description="Most bodies of `scene` from which light goes on, one after another, by reflection or through a "
-        "clear one, in which it may be reflected totally one time less. The search counts none.",
+        "clear one, in which it may be reflected totally one time less.",
     )
     constraints: ConstraintsSection = Field(
         description="Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."
