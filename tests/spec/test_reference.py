@@ -27,7 +27,7 @@ PURE = {
     "spacing", "lamps",
     "lanes", "oncoming_lanes", "wet_uniformity", "uniformity", "uniformity_along", "luminance_per_lux", "edge_ratio",
     "surface_q0", "profile", "number",
-    "events",
+    "events", "scene_events",
     "mirror",
     "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
     "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
