@@ -1,8 +1,8 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
 A ray that meets one of them before its end is lost there, is reflected once, or crosses a clear one once: what then
-meets a second wall is lost. A search takes all bodies for black, and clear ones for air. As light must fade out in
-it, it also dims rays that pass a rim closely. With c the distance of a place of a body from the ray's line, and L how
+meets a second wall is lost. A search takes clear ones for air. As light must fade out in it, it also dims rays that
+pass a rim closely. With c the distance of a place of a body from the ray's line, and L how
 far that place lies along it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight
 ``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of
 the angle ``rim``; with it that goes to 0, and the noise of the slope grows.
@@ -26,8 +26,9 @@ from lensforge.optics.pose import IN_PLACE, Pose, Vector
 from lensforge.scene.clear_crossing import CrossedRays, refracted
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
-from lensforge.scene.wall_reflection import diffused, mirrored, towards_light
+from lensforge.scene.wall_reflection import AtWalls, diffused, mirrored, towards_light
 from lensforge.spec.housing_sections import HousingSection, bodies_of
+from lensforge.surfaces.facet_curvature import facet_curvatures
 from lensforge.surfaces.mirror_group import group
 from lensforge.surfaces.solid_file import rims_of
 
@@ -43,8 +44,8 @@ _Values = Float[np.ndarray, " n"]
 class Shadow(NamedTuple):
     """Rays in the shadow of bodies: the ``weights`` with which they get through, and the body that each meets, or -1.
 
-    ``places``: at which they meet it first (mm), in the frame of the bodies; 0 of others, and in a search, which asks
-    for any body that a ray meets. ``by_points``, ``by_directions``:
+    ``places``: at which they meet it first (mm), in the frame of the bodies; 0 of others, and in a search beside black
+    bodies, which asks for any that a ray meets. ``by_points``, ``by_directions``:
     slopes of the weights by the points (1/mm) and directions of the rays. ``triangles``: that each meets, or -1.
     ``onward``: share of the flux that goes on from there, 1 of rays that meet none. ``again``: True for rays that then
     meet a second wall.
@@ -130,6 +131,12 @@ class Finishes(NamedTuple):
         """True for clear bodies."""
         return self.indices > 0.0
 
+    @property
+    def opaque(self) -> "Finishes":
+        """The finishes without those of clear bodies."""
+        none = np.zeros_like(self.indices)
+        return self._replace(indices=none, absorptions=none)
+
 
 @dataclass(frozen=True, eq=False)
 class Housing:
@@ -137,7 +144,8 @@ class Housing:
 
     ``finishes``: of the bodies. ``edges``: the tree of the edges in which they are not flat, ``edge_bodies`` the body
     of each. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at
-    which rays are dimmed; 0: none is.
+    which rays are dimmed; 0: none is. ``whole``: tree of all triangles, if light of lamps cannot meet all first; None:
+    that is ``tree``.
     """
 
     names: tuple[str, ...]
@@ -148,6 +156,7 @@ class Housing:
     finishes: Finishes
     place: Pose = IN_PLACE
     rim: float = 0.0
+    whole: TriangleTree | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -171,7 +180,12 @@ class Housing:
     @property
     def black(self) -> "Housing | None":
         """The bodies as if all were black, without clear ones; None if all are clear."""
-        return self.opaque and self.opaque.faded(0.0)
+        return self.opaque and replace(self.opaque, finishes=Finishes(*map(np.zeros_like, self.finishes)))
+
+    @property
+    def sharp(self) -> "Housing":
+        """The bodies for light from walls, which meets any of their triangles, and fades out beside no rim."""
+        return replace(self, tree=self.tree if self.whole is None else self.whole, rim=0.0)
 
     @property
     def reach_mm(self) -> float:
@@ -179,14 +193,15 @@ class Housing:
         return float(lengths(self.place.points(self.tree.corners.reshape(-1, 3))).max())
 
     def faded(self, rim_deg: float) -> "Housing":
-        """Opaque bodies as a search sees them: black, and they dim rays beside their rims."""
-        return replace(self, finishes=Finishes(*map(np.zeros_like, self.finishes)), rim=tan(radians(rim_deg)))
+        """Opaque bodies as a search sees them: they dim rays beside their rims."""
+        return replace(self, finishes=self.finishes.opaque, rim=tan(radians(rim_deg)))
 
     def lit_from(self, centres_mm: Sequence[Vector], radius_mm: float) -> "Housing":
         """The bodies for rays that all begin in balls outside of them, by the triangles that light from there can meet
         first."""
         centres = self.place.to_local_points(np.array(centres_mm))
-        return replace(self, tree=_lit_tree(self, tuple(map(tuple, centres.tolist())), radius_mm))
+        lit = _lit_tree(self, tuple(map(tuple, centres.tolist())), radius_mm)
+        return replace(self, tree=lit, whole=self.sharp.tree)
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
@@ -209,18 +224,12 @@ class Housing:
         units = self._local(directions, self.place.to_local_directions)
         ends = reach_mm - _AT_END_MM
         shadow = Shadow.none_of(len(points))
+        places_count = self.rim == 0.0 or self.reflects
+        cast = self._meet_first if places_count else self._meet_any
+        cast(shadow, starts, units, ends)
+        shadow.weights[shadow.triangles >= 0] = 0.0
         if self.rim > 0.0:
-            self._fade(shadow, starts, units, ends)
-        else:
-            distances = np.empty(len(points))
-
-            def cast(part: slice) -> None:
-                first_hits(starts[part], units[part], ends[part], self.tree, distances[part], shadow.triangles[part])
-
-            in_pieces(cast, len(points), worth=_WORTH_SHARING)
-            met = np.flatnonzero(shadow.triangles >= 0)
-            shadow.weights[met] = 0.0
-            shadow.places[met] = starts[met] + distances[met, None] * units[met]
+            self._dim(shadow, starts, units, ends)
         met = np.flatnonzero(shadow.triangles >= 0)
         shadow.bodies[met] = self.bodies[shadow.triangles[met]]
         shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
@@ -229,17 +238,33 @@ class Housing:
             shadow.onward[clear] = self._crossing(shadow, clear, units[clear]).share
         return shadow
 
-    def _fade(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
-        """Fill the ``shadow`` of a search on rays in the frame of the bodies."""
+    def _meet_first(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
+        """Fill the first triangles and places that rays in the frame of the bodies meet."""
+        distances = np.empty(len(starts))
+
+        def cast(part: slice) -> None:
+            first_hits(starts[part], units[part], ends[part], self.tree, distances[part], shadow.triangles[part])
+
+        in_pieces(cast, len(starts), worth=_WORTH_SHARING)
+        met = np.flatnonzero(shadow.triangles >= 0)
+        shadow.places[met] = starts[met] + distances[met, None] * units[met]
+
+    def _meet_any(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
+        """Fill any triangles that they meet, which is quicker."""
+
+        def cast(part: slice) -> None:
+            any_hits(starts[part], units[part], ends[part], self.tree, shadow.triangles[part])
+
+        in_pieces(cast, len(starts), worth=_WORTH_SHARING)
+
+    def _dim(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
+        """Multiply the weights of a search, of rays beside rims, into the ``shadow``, and fill their slopes."""
         lens = np.array(self.place.inverse.origin_mm)
 
         def cast(part: slice) -> None:
             rays = starts[part], units[part], ends[part]
-            weights = shadow.weights[part]
             slopes = shadow.by_points[part], shadow.by_directions[part]
-            any_hits(*rays, self.tree, shadow.triangles[part])
-            weights[shadow.triangles[part] >= 0] = 0.0
-            dim_beside_rims(*rays, lens, self.rim, self.edges, weights, *slopes)
+            dim_beside_rims(*rays, lens, self.rim, self.edges, shadow.weights[part], *slopes)
 
         in_pieces(cast, len(starts), worth=_WORTH_SHARING)
         if self.place.moves:
@@ -267,6 +292,20 @@ class Housing:
         flux = shadow.onward[rows] * rays.flux[rows]
         ways = self.place.points(starts), self.place.directions(going)
         return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows]))
+
+    def at_walls(self, shadow: Shadow, reflected: Reflected) -> AtWalls:
+        """The rays of a ``shadow`` at the opaque walls that send them on as ``reflected``."""
+        rows = reflected.rows
+        triangles = shadow.triangles[rows]
+        rotation = self.place.rotation
+        return AtWalls(
+            places=self.place.points(shadow.places[rows]),
+            normals=self.place.directions(self.normals[triangles]),
+            curvatures=rotation @ self.curvatures[triangles] @ rotation.T,
+            starts=reflected.rays.points,
+            going=reflected.rays.directions,
+            diffuse=self.finishes.diffuse[shadow.bodies[rows]],
+        )
 
     def _crossing(self, shadow: Shadow, rows: Int[np.ndarray, " k"], coming: _Vectors) -> CrossedRays:
         """Light behind the clear bodies that the rays ``rows`` of a ``shadow`` meet, in the frame of the bodies.
@@ -296,6 +335,15 @@ class Housing:
         first, second, third = np.moveaxis(self.tree.corners, 1, 0)
         normals[self.tree.numbers] = np.cross(second - first, third - first)
         return np.asarray(normals / np.maximum(lengths(normals), np.finfo(float).tiny)[:, None])
+
+    @cached_property
+    def curvatures(self) -> Float[np.ndarray, "t 3 3"]:
+        """Change of the normal along each triangle (1/mm), in the order of their numbers: see ``facet_curvatures``."""
+        curvatures = np.zeros((len(self.bodies), 3, 3))
+        numbers = self.tree.numbers
+        walls = self.finishes.reflectances[self.bodies[numbers]] > 0.0
+        curvatures[numbers[walls]] = facet_curvatures(self.tree.corners[walls])
+        return curvatures
 
     def _local(self, vectors: _Vectors, move: Callable[[_Vectors], _Vectors]) -> _Vectors:
         """Vectors in the frame of the bodies, in the order that kernels take."""

@@ -9,21 +9,30 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from math import inf
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.parallel import in_pieces
-from lensforge.optics.arrays import Array, as_numpy, module_of, replaced, rows_of
+from lensforge.optics.arrays import Array, as_numpy, like, module_of, replaced, rows_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.housing import Housing, Shadow
 from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.wall_reflection import AtWalls
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.spec.receiver_fields import ReceiverSection
 
 _WORTH_SHARING = 2**16  # rays: half a millisecond of work
+
+
+class ByWalls(NamedTuple):
+    """Numbers of the exit rays that land by way of a wall, these rays at it, and behind it; NumPy arrays."""
+
+    rows: Int[np.ndarray, " k"]
+    at: AtWalls
+    rays: ExitRays
 
 
 @dataclass(frozen=True)
@@ -33,7 +42,8 @@ class Landings:
     ``hits``: coordinates on the receiver's chart; ``flux``: W; both 0 where a ray did not land. ``landed``: rays that
     reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
     ``shadow``: of the bodies before it, in NumPy; None without any. A ray that they reflect lands from there.
-    ``paths_mm``: lengths of the ways there, in NumPy, where the receiver's kernel tells them.
+    ``paths_mm``: lengths of the ways there, in NumPy, where the receiver's kernel tells them. ``by_walls``: light of a
+    search that lands by way of a wall; None if there is none.
     """
 
     hits: Float[Array, "n 2"]
@@ -42,6 +52,7 @@ class Landings:
     missed_receiver: Bool[Array, " n"]
     shadow: Shadow | None = None
     paths_mm: Float[np.ndarray, " n"] | None = None
+    by_walls: ByWalls | None = None
 
     @property
     def arrived(self) -> Bool[Array, " n"]:
@@ -114,11 +125,20 @@ class PosedReceiver(ABC):
         landings = landings or self.land(rays)
         shadow = landings.shadow
         assert shadow is not None, "behind bodies"
-        by, of_flux = self._adjoint(rays, by_hits, by_flux * shadow.weights)
+        walls = landings.by_walls
+        straight = by_hits if walls is None else replaced(by_hits, walls.rows, np.zeros((len(walls.rows), 2)))
+        by, of_flux = self._adjoint(rays, straight, by_flux * shadow.weights)
         rows = np.flatnonzero((shadow.weights > 0.0) & (shadow.weights < 1.0))  # what is dark has no slope
         by_weight = (by_flux[rows] * landings.flux[rows] / shadow.weights[rows])[:, None]
         by.by_points[rows] += by_weight * shadow.by_points[rows]
         by.by_directions[rows] += by_weight * shadow.by_directions[rows]
+        if walls is not None:
+            rows = walls.rows
+            behind, by_behind = self._adjoint(walls.rays, by_hits[rows], by_flux[rows])
+            before = walls.at.adjoint(rays.points[rows], rays.directions[rows], behind)
+            by.by_points[rows] += before.by_points
+            by.by_directions[rows] += before.by_directions
+            of_flux[rows] += shadow.onward[rows] * by_behind
         return by, of_flux
 
     @property
@@ -127,7 +147,7 @@ class PosedReceiver(ABC):
         return self if self.housing is None else replace(self, housing=self.housing.black)
 
     def searched(self, rim_deg: float, lens_mm: float) -> Self:
-        """The receiver of a search, in which bodies are black, or air, and shadows fade out over an angle.
+        """The receiver of a search, in which clear bodies are air, and shadows fade out over an angle.
 
         ``lens_mm``: radius of the ball about each lamp from which light comes.
         """
@@ -140,7 +160,7 @@ class PosedReceiver(ABC):
         if self.housing is None:
             return landings
         shadow = self._shadow(self.housing, rays, landings)
-        free = module_of(landings.flux).asarray(~shadow.met)
+        free = like(landings.landed, ~shadow.met)
         landings = Landings(
             landings.hits,
             landings.flux * shadow.weights_by(rays.points, rays.directions),
@@ -148,7 +168,10 @@ class PosedReceiver(ABC):
             landings.missed_receiver & free,
             shadow,
         )
-        return self._with_reflected(self.housing, rays, landings, shadow) if self.housing.reflects else landings
+        if not self.housing.reflects:
+            return landings
+        follow = self._with_slopes_by_walls if self.housing.rim > 0.0 else self._with_reflected
+        return follow(self.housing, rays, landings, shadow)
 
     def _with_reflected(self, housing: Housing, rays: ExitRays, landings: Landings, shadow: Shadow) -> Landings:
         """``landings`` with those of ``rays`` that bodies reflect, NumPy arrays."""
@@ -161,6 +184,39 @@ class PosedReceiver(ABC):
             replaced(landings.landed, rows, behind.landed & ~again),
             replaced(landings.missed_receiver, rows, behind.missed_receiver & ~again),
             shadow._replace(again=replaced(shadow.again, rows, again)),
+        )
+
+    def _with_slopes_by_walls(self, housing: Housing, rays: ExitRays, landings: Landings, shadow: Shadow) -> Landings:
+        """``landings`` of a search with those of ``rays`` that land by way of one wall; in torch differentiable.
+
+        Others that meet a body keep their places behind it, without flux.
+        """
+        points, directions, flux, fates = map(as_numpy, (rays.points, rays.directions, rays.flux, rays.fates))
+        coming = ExitRays(points, directions, flux, flux, fates, draws=rays.draws)
+        reflected = housing.reflected(coming, shadow)
+        rows = reflected.rows
+        at = housing.at_walls(shadow, reflected)
+        if isinstance(rays.points, np.ndarray):
+            going = reflected.rays
+            behind = self._land(going)
+        else:
+            lines = at.lines(rays.points[rows], rays.directions[rows])
+            share = like(rays.flux, shadow.onward[rows])
+            going = ExitRays(*lines, share * rays.flux[rows], rays.sin2_exit[rows], rays.fates[rows])
+            behind = self._land_by_arrays(going)
+        again = self._shadow(housing.sharp, going, behind).met
+        missed = as_numpy(behind.missed_receiver) & ~again
+        lands = np.flatnonzero(as_numpy(behind.landed) & ~again)
+        behind = behind.take(lands)
+        onto = rows[lands]
+        nowhere = landings.missed_receiver
+        return Landings(
+            replaced(landings.hits, onto, behind.hits),
+            replaced(landings.flux, onto, behind.flux),
+            replaced(landings.landed, onto, behind.landed),
+            replaced(nowhere, rows, like(nowhere, missed)),
+            shadow._replace(again=replaced(shadow.again, rows, again)),
+            by_walls=ByWalls(onto, at.take(lands), reflected.rays.take(lands)),
         )
 
     def _shadow(self, housing: Housing, rays: ExitRays, landings: Landings) -> Shadow:
