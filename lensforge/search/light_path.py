@@ -249,13 +249,13 @@ class _Landing(torch.autograd.Function):
         ]
         flux = torch.from_numpy(traced.exits.flux)
         causes = torch.from_numpy(cause_numbers(traced.exits, scene.chain))
-        ctx.mark_non_differentiable(flux, causes, *(field for field in parts if field.dtype == torch.bool))
+        ctx.mark_non_differentiable(causes, *(field for field in parts if field.dtype == torch.bool))
         return torch.from_numpy(traced.exits.sin2_exit), flux, causes, *parts
 
     @staticmethod
-    def backward(ctx: Any, by_sin2: Tensor, _by_flux: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
+    def backward(ctx: Any, by_sin2: Tensor, by_exit_flux: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
         exits = ctx.traced.exits
-        total_flux = np.zeros(len(by_sin2))
+        total_flux = by_exit_flux.numpy()
         total: Sensitivities | None = None
         for k, (receiver, landings) in enumerate(zip(ctx.receivers, ctx.landed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]

@@ -36,5 +36,7 @@ def facet_curvatures(corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "
     at_edges = np.where(smooth[edges][..., None], (sums / size[:, None])[edges], normals[:, None])
     sides = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     slopes = -2.0 * np.cross(normals[:, None], sides) / twice[:, None]  # of 1 - 2 lambda, which is 1 along an edge
-    across = at_edges - (at_edges * normals[:, None]).sum(axis=2, keepdims=True) * normals[:, None]  # a unit vector turns
+    across = (
+        at_edges - (at_edges * normals[:, None]).sum(axis=2, keepdims=True) * normals[:, None]
+    )  # a unit vector turns
     return np.einsum("tki,tkj->tij", across, slopes)

@@ -9,16 +9,20 @@ import pytest
 import torch
 import trimesh
 from landed import as_tensors
+from scenes import small_spec
 from test_housing import BOX, TUBE, from_point, housing_of
 from test_posed import RECEIVERS
 from test_wall_reflection import BESIDE, MIRROR, POST, SLAB, WHITE, drawn
 
 from lensforge.optics.pose import Pose
+from lensforge.scene.body_view import body_pictures, body_views
 from lensforge.scene.exit_rays import ExitRays
+from lensforge.scene.pixel_grid import bin_flux, splat_flux
 from lensforge.scene.receiver import PosedReceiver
 from lensforge.scene.wall_reflection import diffused
 from lensforge.seeds import sobol
 from lensforge.spec.housing_sections import HousingCylinder, HousingSection
+from lensforge.spec.light_limits import BodyLimit
 from lensforge.surfaces.facet_curvature import facet_curvatures
 
 COUNT = 2**12
@@ -239,3 +243,44 @@ def test_facets_have_the_curvature_of_their_surface() -> None:
     assert sorted(set(np.round(bends, 4))) == pytest.approx([-1.0 / 14.0, 1.0 / 21.0], abs=1e-4)
     assert np.abs(housing.curvatures[side] @ axis).max() < 1e-9
     assert np.abs(housing.curvatures[tube & ~side]).max() < 1e-9
+
+
+BAR = {
+    "kind": "cylinder", "name": "bar", "radius_mm": 9.0, "length_mm": 50.0, "centre_mm": [6.0, -9.0, 70.0],
+    "tilt_deg": [20.0, 80.0], "patch_mm": 5.0,
+}  # fmt: skip
+BEHIND = {
+    "kind": "box", "name": "behind", "size_mm": [160.0, 130.0, 2.0], "centre_mm": [10.0, 5.0, 104.0],
+    "tilt_deg": [9.0, -12.0], **WHITE,
+}  # fmt: skip
+DARK = {"kind": "box", "name": "dark", "size_mm": [9.0, 30.0, 20.0], "centre_mm": [-30.0, 10.0, 50.0]}
+FAR_SIDE = {
+    "kind": "body", "body": "bar", "facing": [0.1, 0.0, 1.0], "within_deg": 40.0, "at_least": 1.0, "unit": "w_per_m2"
+}  # fmt: skip
+
+
+def test_a_picture_of_a_side_that_walls_alone_light_reads_what_its_patches_have() -> None:
+    """Of light that passes the bar; on the side of the lens nothing counts, and no other body hides the picture."""
+    spec = small_spec(scene=[DARK, BAR, BEHIND], limits=[FAR_SIDE, FAR_SIDE | {"of": "mean"}])
+    rays = drawn(from_point(2**19))
+    (view,) = body_views(spec)
+    flux = view.land(rays)
+    by_patch = bin_flux(flux.hits, flux.flux, view.grid).ravel()
+    for picture, limit, spread in zip(body_pictures(spec), spec.limits, (0.2, 0.02), strict=True):
+        assert isinstance(limit, BodyLimit)
+        search = picture.searched(1e-7, 6.0)
+        seen = search.land(rays)
+        image = splat_flux(seen.hits, seen.flux, search.grid).ravel()
+        wanted = view.readings(limit) @ by_patch
+        read = search.readings(limit) @ image
+        assert len(read) == len(wanted) and wanted.min() > 0.0
+        assert np.sort(read) == pytest.approx(np.sort(wanted), rel=spread)
+        assert seen.by_walls is not None
+        behind = seen.by_walls.rays
+        ways = search.pose.to_local_points(behind.points), search.pose.to_local_directions(behind.directions)
+        _, pieces = search.met(*ways)
+        off = np.abs(seen.hits[seen.by_walls.rows]) / (0.5 * np.array(search.grid.size))
+        assert (pieces < 0).sum() > 1000 and (off[pieces >= 0] < 1.0).all() and (off.max(axis=1) > 1.0).any()
+    black = small_spec(scene=[DARK, BAR, BEHIND | {"surface": "black", "reflectance": None}], limits=[FAR_SIDE])
+    (picture,) = body_pictures(black)
+    assert picture.eye_mm == (0.0, 0.0, 0.0)
