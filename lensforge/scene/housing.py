@@ -46,9 +46,9 @@ class Shadow(NamedTuple):
 
     ``places``: at which they meet it first (mm), in the frame of the bodies; 0 of others, and in a search beside black
     bodies, which asks for any that a ray meets. ``by_points``, ``by_directions``:
-    slopes of the weights by the points (1/mm) and directions of the rays. ``triangles``: that each meets, or -1.
-    ``onward``: share of the flux that goes on from there, 1 of rays that meet none. ``again``: True for rays that then
-    meet a second wall.
+    slopes of the weights by the points (1/mm) and directions of the rays; of ``onward`` where they meet a body.
+    ``triangles``: that each meets, or -1. ``onward``: share of the flux that goes on from there, 1 of rays that meet
+    none. ``again``: True for rays that then meet a second wall.
     """
 
     weights: _Values
@@ -77,11 +77,25 @@ class Shadow(NamedTuple):
 
     def weights_by(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
         """The weights; of rays in torch differentiable."""
-        weights = like(points, self.weights)
+        return self._moved(self.weights, ~self.met, points, directions)
+
+    def onward_by(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
+        """The shares that go on; of rays in torch differentiable."""
+        return self._moved(self.onward, self.met, points, directions)
+
+    def _moved(
+        self,
+        shares: _Values,
+        have_slopes: Bool[np.ndarray, " n"],
+        points: Float[Array, "n 3"],
+        directions: Float[Array, "n 3"],
+    ) -> Float[Array, " n"]:
+        values = like(points, shares)
         if isinstance(points, np.ndarray):
-            return weights
-        moved = (points - points.detach()) * like(points, self.by_points)
-        return weights + (moved + (directions - directions.detach()) * like(points, self.by_directions)).sum(1)
+            return values
+        by_points, by_directions = (like(points, slopes * have_slopes[:, None]) for slopes in self[3:5])
+        moved = (points - points.detach()) * by_points + (directions - directions.detach()) * by_directions
+        return values + moved.sum(1)
 
     @property
     def met(self) -> Bool[np.ndarray, " n"]:
@@ -229,13 +243,15 @@ class Housing:
         cast(shadow, starts, units, ends)
         shadow.weights[shadow.triangles >= 0] = 0.0
         if self.rim > 0.0:
-            self._dim(shadow, starts, units, ends)
+            self._dim(shadow.weights, shadow, np.arange(len(points)), (starts, units, ends), self.edges)
         met = np.flatnonzero(shadow.triangles >= 0)
         shadow.bodies[met] = self.bodies[shadow.triangles[met]]
         shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
         clear = met[self.finishes.clear[shadow.bodies[met]]]
         if len(clear):
             shadow.onward[clear] = self._crossing(shadow, clear, units[clear]).share
+        if self.rim > 0.0 and self.reflects:
+            self._dim_before_walls(shadow, starts, units)
         return shadow
 
     def _meet_first(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
@@ -257,20 +273,38 @@ class Housing:
 
         in_pieces(cast, len(starts), worth=_WORTH_SHARING)
 
-    def _dim(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
-        """Multiply the weights of a search, of rays beside rims, into the ``shadow``, and fill their slopes."""
+    def _dim_before_walls(self, shadow: Shadow, starts: _Vectors, units: _Vectors) -> None:
+        """Dim light on its way to walls, too, beside the rims of other bodies."""
+        for body in np.flatnonzero(self.finishes.reflectances):
+            edges = _edges_of_others(self, int(body))
+            rows = np.flatnonzero(shadow.bodies == body)
+            if edges is not None and len(rows):
+                ends = ((shadow.places - starts)[rows] * units[rows]).sum(axis=1)
+                self._dim(shadow.onward, shadow, rows, (starts[rows], units[rows], ends), edges)
+
+    def _dim(
+        self,
+        shares: _Values,
+        shadow: Shadow,
+        rows: Int[np.ndarray, " k"],
+        rays: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"], Float[np.ndarray, " k"]],
+        edges: TriangleTree,
+    ) -> None:
+        """Dim the ``shares`` of some rays beside ``edges``, and fill their slopes in the ``shadow``."""
         lens = np.array(self.place.inverse.origin_mm)
+        weights = np.where(shares[rows] > 0.0, 1.0, 0.0)
+        slopes = np.zeros((2, len(rows), 3))
 
         def cast(part: slice) -> None:
-            rays = starts[part], units[part], ends[part]
-            slopes = shadow.by_points[part], shadow.by_directions[part]
-            dim_beside_rims(*rays, lens, self.rim, self.edges, shadow.weights[part], *slopes)
+            some = (column[part] for column in rays)
+            dim_beside_rims(*some, lens, self.rim, edges, weights[part], *slopes[:, part])
 
-        in_pieces(cast, len(starts), worth=_WORTH_SHARING)
-        if self.place.moves:
-            rows = np.flatnonzero(shadow.weights < 1.0)
-            for slopes in (shadow.by_points, shadow.by_directions):
-                slopes[rows] = self.place.directions(slopes[rows])
+        in_pieces(cast, len(rows), worth=_WORTH_SHARING)
+        dimmed = np.flatnonzero((weights < 1.0) & (weights > 0.0))
+        rows = rows[dimmed]
+        for by, column in zip(slopes, (shadow.by_points, shadow.by_directions), strict=True):
+            column[rows] = shares[rows, None] * self.place.directions(by[dimmed])
+        shares[rows] *= weights[dimmed]
 
     def reflected(self, rays: ExitRays, shadow: Shadow) -> Reflected:
         """Rays from where ``rays`` meet bodies that reflect light, or leave clear ones, with the flux that goes on.
@@ -377,6 +411,13 @@ def _opaque(housing: Housing) -> Housing | None:
         for tree, bodies in ((housing.tree, housing.bodies), (housing.edges, housing.edge_bodies))
     )
     return replace(housing, tree=tree, edges=edges)
+
+
+@lru_cache(maxsize=32)
+def _edges_of_others(housing: Housing, body: int) -> TriangleTree | None:
+    """The tree of the edges of all bodies but this one; None if there is no other."""
+    others = housing.edge_bodies[housing.edges.numbers] != body
+    return _some_of(housing.edges, others) if others.any() else None
 
 
 @lru_cache(maxsize=8)

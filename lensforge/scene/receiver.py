@@ -139,6 +139,9 @@ class PosedReceiver(ABC):
             by.by_points[rows] += before.by_points
             by.by_directions[rows] += before.by_directions
             of_flux[rows] += shadow.onward[rows] * by_behind
+            by_onward = (by_flux[rows] * landings.flux[rows] / shadow.onward[rows])[:, None]
+            by.by_points[rows] += by_onward * shadow.by_points[rows]
+            by.by_directions[rows] += by_onward * shadow.by_directions[rows]
         return by, of_flux
 
     @property
@@ -201,8 +204,8 @@ class PosedReceiver(ABC):
             behind = self._land(going)
         else:
             lines = at.lines(rays.points[rows], rays.directions[rows])
-            share = like(rays.flux, shadow.onward[rows])
-            going = ExitRays(*lines, share * rays.flux[rows], rays.sin2_exit[rows], rays.fates[rows])
+            flux = shadow.onward_by(rays.points, rays.directions) * rays.flux
+            going = ExitRays(*lines, flux[rows], rays.sin2_exit[rows], rays.fates[rows])
             behind = self._land_by_arrays(going)
         again = self._shadow(housing.sharp, going, behind).met
         missed = as_numpy(behind.missed_receiver) & ~again
