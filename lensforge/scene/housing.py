@@ -93,7 +93,8 @@ class Shadow(NamedTuple):
         values = like(points, shares)
         if isinstance(points, np.ndarray):
             return values
-        by_points, by_directions = (like(points, slopes * have_slopes[:, None]) for slopes in self[3:5])
+        sloping = have_slopes[:, None]
+        by_points, by_directions = (like(points, slopes * sloping) for slopes in (self.by_points, self.by_directions))
         moved = (points - points.detach()) * by_points + (directions - directions.detach()) * by_directions
         return values + moved.sum(1)
 
@@ -197,11 +198,6 @@ class Housing:
         return self.opaque and replace(self.opaque, finishes=Finishes(*map(np.zeros_like, self.finishes)))
 
     @property
-    def sharp(self) -> "Housing":
-        """The bodies for light from walls, which meets any of their triangles, and fades out beside no rim."""
-        return replace(self, tree=self.tree if self.whole is None else self.whole, rim=0.0)
-
-    @property
     def reach_mm(self) -> float:
         """Largest distance of a place of a body from the origin."""
         return float(lengths(self.place.points(self.tree.corners.reshape(-1, 3))).max())
@@ -215,7 +211,7 @@ class Housing:
         first."""
         centres = self.place.to_local_points(np.array(centres_mm))
         lit = _lit_tree(self, tuple(map(tuple, centres.tolist())), radius_mm)
-        return replace(self, tree=lit, whole=self.sharp.tree)
+        return replace(self, tree=lit, whole=self.tree if self.whole is None else self.whole)
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
@@ -238,9 +234,10 @@ class Housing:
         units = self._local(directions, self.place.to_local_directions)
         ends = reach_mm - _AT_END_MM
         shadow = Shadow.none_of(len(points))
-        places_count = self.rim == 0.0 or self.reflects
-        cast = self._meet_first if places_count else self._meet_any
-        cast(shadow, starts, units, ends)
+        if self.rim == 0.0 or self.reflects:
+            self._meet_first(shadow, starts, units, ends)
+        else:
+            shadow.triangles[:] = _any_met(starts, units, ends, self.tree)
         shadow.weights[shadow.triangles >= 0] = 0.0
         if self.rim > 0.0:
             self._dim(shadow.weights, shadow, np.arange(len(points)), (starts, units, ends), self.edges)
@@ -254,6 +251,13 @@ class Housing:
             self._dim_before_walls(shadow, starts, units)
         return shadow
 
+    def blocks(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Bool[np.ndarray, " n"]:
+        """True for rays from walls, which may meet any triangle, that do so before they end after ``reach_mm``."""
+        starts = self._local(points, self.place.to_local_points)
+        units = self._local(directions, self.place.to_local_directions)
+        whole = self.tree if self.whole is None else self.whole
+        return np.asarray(_any_met(starts, units, reach_mm - _AT_END_MM, whole) >= 0)
+
     def _meet_first(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
         """Fill the first triangles and places that rays in the frame of the bodies meet."""
         distances = np.empty(len(starts))
@@ -264,14 +268,6 @@ class Housing:
         in_pieces(cast, len(starts), worth=_WORTH_SHARING)
         met = np.flatnonzero(shadow.triangles >= 0)
         shadow.places[met] = starts[met] + distances[met, None] * units[met]
-
-    def _meet_any(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
-        """Fill any triangles that they meet, which is quicker."""
-
-        def cast(part: slice) -> None:
-            any_hits(starts[part], units[part], ends[part], self.tree, shadow.triangles[part])
-
-        in_pieces(cast, len(starts), worth=_WORTH_SHARING)
 
     def _dim_before_walls(self, shadow: Shadow, starts: _Vectors, units: _Vectors) -> None:
         """Dim light on its way to walls, too, beside the rims of other bodies."""
@@ -331,11 +327,13 @@ class Housing:
         """The rays of a ``shadow`` at the opaque walls that send them on as ``reflected``."""
         rows = reflected.rows
         triangles = shadow.triangles[rows]
-        rotation = self.place.rotation
+        curvatures = self.curvatures[triangles]
+        if self.place.moves:
+            curvatures = self.place.rotation @ curvatures @ self.place.rotation.T
         return AtWalls(
             places=self.place.points(shadow.places[rows]),
             normals=self.place.directions(self.normals[triangles]),
-            curvatures=rotation @ self.curvatures[triangles] @ rotation.T,
+            curvatures=curvatures,
             starts=reflected.rays.points,
             going=reflected.rays.directions,
             diffuse=self.finishes.diffuse[shadow.bodies[rows]],
@@ -382,6 +380,17 @@ class Housing:
     def _local(self, vectors: _Vectors, move: Callable[[_Vectors], _Vectors]) -> _Vectors:
         """Vectors in the frame of the bodies, in the order that kernels take."""
         return np.ascontiguousarray(move(vectors) if self.place.moves else vectors)
+
+
+def _any_met(starts: _Vectors, units: _Vectors, ends: _Values, tree: TriangleTree) -> Int[np.ndarray, " n"]:
+    """Number of any triangle that each ray meets, which is quicker than the first; -1 for none."""
+    numbers = np.empty(len(starts), dtype=np.int64)
+
+    def cast(part: slice) -> None:
+        any_hits(starts[part], units[part], ends[part], tree, numbers[part])
+
+    in_pieces(cast, len(starts), worth=_WORTH_SHARING)
+    return numbers
 
 
 def _rounded(points: Float[np.ndarray, "n k"]) -> set[tuple[float, ...]]:

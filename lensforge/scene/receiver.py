@@ -207,7 +207,7 @@ class PosedReceiver(ABC):
             flux = shadow.onward_by(rays.points, rays.directions) * rays.flux
             going = ExitRays(*lines, flux[rows], rays.sin2_exit[rows], rays.fates[rows])
             behind = self._land_by_arrays(going)
-        again = self._shadow(housing.sharp, going, behind).met
+        again = housing.blocks(*self._ways(going, behind))
         missed = as_numpy(behind.missed_receiver) & ~again
         lands = np.flatnonzero(as_numpy(behind.landed) & ~again)
         behind = behind.take(lands)
@@ -224,9 +224,14 @@ class PosedReceiver(ABC):
 
     def _shadow(self, housing: Housing, rays: ExitRays, landings: Landings) -> Shadow:
         """Shadow of the ``housing`` on ``rays``, in NumPy; those that were lost in the lens have none."""
+        return housing.shadow(*self._ways(rays, landings))
+
+    def _ways(
+        self, rays: ExitRays, landings: Landings
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+        """Points, directions and reach (mm) of ``rays``, in NumPy; the reach of those lost in the lens is -inf."""
         points, directions, left = (as_numpy(column) for column in (rays.points, rays.directions, rays.left_lens))
-        reach_mm = np.where(left, self._reach_mm(points, directions, landings), -inf)
-        return housing.shadow(points, directions, reach_mm)
+        return points, directions, np.where(left, self._reach_mm(points, directions, landings), -inf)
 
     def _reach_mm(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings

@@ -83,11 +83,14 @@ class AtWalls(NamedTuple):
         return starts + moved, module_of(points).where(is_diffuse, spread, mirrored_there)
 
     def adjoint(self, points: _Vectors, directions: _Vectors, by: Sensitivities) -> Sensitivities:
-        """Sensitivities to the rays that come from those to the light that goes on, by torch through :meth:`lines`."""
-        import torch
-
-        rays = [torch.tensor(vectors, requires_grad=True) for vectors in (points, directions)]
-        with torch.enable_grad():  # a search asks for them from within its own step backwards
-            lines = self.lines(*rays)
-        gradients = torch.autograd.grad(lines, rays, [torch.from_numpy(column) for column in by])
-        return Sensitivities(*(gradient.numpy() for gradient in gradients))
+        """Sensitivities to the rays that come from those to the light that goes on, as :meth:`lines` has it."""
+        rise = (directions * self.normals).sum(axis=1, keepdims=True)
+        path = ((self.places - points) * self.normals).sum(axis=1, keepdims=True) / rise
+        along = (by.by_directions * self.normals).sum(axis=1, keepdims=True)
+        is_diffuse = self.diffuse[:, None]
+        straight = np.where(is_diffuse, 0.0, by.by_directions - 2.0 * along * self.normals)
+        lever = np.where(is_diffuse, (self.going * self.normals).sum(axis=1, keepdims=True), -2.0 * rise)
+        by_turned = lever * by.by_directions - along * np.where(is_diffuse, self.going, 2.0 * directions)
+        by_moved = by.by_points + (self.curvatures * by_turned[:, :, None]).sum(axis=1)
+        by_points = by_moved - (by_moved * directions).sum(axis=1, keepdims=True) / rise * self.normals
+        return Sensitivities(by_points, straight + path * by_points)

@@ -61,8 +61,9 @@ SCENE = {"scene": [BEZEL, WALL]}
 MIRROR = {"surface": "mirror", "reflectance": 0.8}
 BY_MIRROR = {"scene": [BEZEL, WALL | MIRROR | {"size_mm": [60.0, 1.0, 90.0], "centre_mm": [3.0, 16.0, 60.0]}]}
 BY_WALLS = {
-    "scene": [*BY_MIRROR["scene"], BEZEL | MIRROR | {
-        "name": "ring", "surface": "diffuse", "bore_radius_mm": 25.0, "length_mm": 30.0, "centre_mm": [1.0, 4.0, 30.0]}],
+    "scene": [*BY_MIRROR["scene"], BEZEL | {
+        "name": "ring", "surface": "diffuse", "reflectance": 0.8, "bore_radius_mm": 25.0, "length_mm": 30.0,
+        "centre_mm": [1.0, 4.0, 30.0]}],
     "limits": [{"kind": "loss", "cause": "housing", "at_most_share": 0.1}],
 }  # fmt: skip
 BLOCK = {
