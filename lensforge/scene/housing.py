@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.rims import dim_beside_rims
 from lensforge.kernels.triangle_tree import TriangleTree, any_hits, first_hits, tree_of
-from lensforge.optics.arrays import Array, lengths, like
+from lensforge.optics.arrays import Array, lengths, like, replaced
 from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.pose import IN_PLACE, Pose, Vector
 from lensforge.scene.clear_crossing import CrossedRays, refracted
@@ -28,8 +28,8 @@ from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
 from lensforge.scene.wall_reflection import AtWalls, diffused, mirrored, towards_light
 from lensforge.spec.housing_sections import HousingSection, bodies_of
-from lensforge.surfaces.facet_curvature import facet_curvatures
 from lensforge.surfaces.mirror_group import group
+from lensforge.surfaces.smooth_facets import facet_curvatures, smooth_faces
 from lensforge.surfaces.solid_file import rims_of
 
 _DIGITS = 5  # of a mm, to which corners have mirror images
@@ -211,7 +211,7 @@ class Housing:
         first."""
         centres = self.place.to_local_points(np.array(centres_mm))
         lit = _lit_tree(self, tuple(map(tuple, centres.tolist())), radius_mm)
-        return replace(self, tree=lit, whole=self.tree if self.whole is None else self.whole)
+        return replace(self, tree=lit, whole=self._every)
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
@@ -239,24 +239,21 @@ class Housing:
         else:
             shadow.triangles[:] = _any_met(starts, units, ends, self.tree)
         shadow.weights[shadow.triangles >= 0] = 0.0
-        if self.rim > 0.0:
-            self._dim(shadow.weights, shadow, np.arange(len(points)), (starts, units, ends), self.edges)
         met = np.flatnonzero(shadow.triangles >= 0)
         shadow.bodies[met] = self.bodies[shadow.triangles[met]]
         shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
         clear = met[self.finishes.clear[shadow.bodies[met]]]
         if len(clear):
             shadow.onward[clear] = self._crossing(shadow, clear, units[clear]).share
-        if self.rim > 0.0 and self.reflects:
-            self._dim_before_walls(shadow, starts, units)
+        if self.rim > 0.0:
+            self._dim(shadow, starts, units, ends)
         return shadow
 
     def blocks(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Bool[np.ndarray, " n"]:
         """True for rays from walls, which may meet any triangle, that do so before they end after ``reach_mm``."""
         starts = self._local(points, self.place.to_local_points)
         units = self._local(directions, self.place.to_local_directions)
-        whole = self.tree if self.whole is None else self.whole
-        return np.asarray(_any_met(starts, units, reach_mm - _AT_END_MM, whole) >= 0)
+        return np.asarray(_any_met(starts, units, reach_mm - _AT_END_MM, self._every) >= 0)
 
     def _meet_first(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
         """Fill the first triangles and places that rays in the frame of the bodies meet."""
@@ -269,38 +266,34 @@ class Housing:
         met = np.flatnonzero(shadow.triangles >= 0)
         shadow.places[met] = starts[met] + distances[met, None] * units[met]
 
-    def _dim_before_walls(self, shadow: Shadow, starts: _Vectors, units: _Vectors) -> None:
-        """Dim light on its way to walls, too, beside the rims of other bodies."""
-        for body in np.flatnonzero(self.finishes.reflectances):
-            edges = _edges_of_others(self, int(body))
-            rows = np.flatnonzero(shadow.bodies == body)
-            if edges is not None and len(rows):
-                ends = ((shadow.places - starts)[rows] * units[rows]).sum(axis=1)
-                self._dim(shadow.onward, shadow, rows, (starts[rows], units[rows], ends), edges)
+    def _dim(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
+        """Dim the weights of the ``shadow`` beside rims, and what walls send on, and fill their slopes.
 
-    def _dim(
-        self,
-        shares: _Values,
-        shadow: Shadow,
-        rows: Int[np.ndarray, " k"],
-        rays: tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"], Float[np.ndarray, " k"]],
-        edges: TriangleTree,
-    ) -> None:
-        """Dim the ``shares`` of some rays beside ``edges``, and fill their slopes in the ``shadow``."""
+        Light that meets a wall fades out beside the rims of others before it, and towards that of the wall itself.
+        """
         lens = np.array(self.place.inverse.origin_mm)
-        weights = np.where(shares[rows] > 0.0, 1.0, 0.0)
-        slopes = np.zeros((2, len(rows), 3))
+        shares = np.where(shadow.met, shadow.onward, shadow.weights)
+        if self.reflects:
+            faces, sides = self.faces
+            lit = np.flatnonzero(shadow.met)
+            ends = replaced(ends, lit, ((shadow.places - starts)[lit] * units[lit]).sum(axis=1))
+            faces = np.where(shadow.met, faces[shadow.triangles], -1)
+        else:
+            sides = np.zeros((len(self.edges.corners), 2), dtype=np.int64)
+            faces = np.full(len(starts), -1)
+        weights = np.where(shares > 0.0, 1.0, 0.0)
 
         def cast(part: slice) -> None:
-            some = (column[part] for column in rays)
-            dim_beside_rims(*some, lens, self.rim, edges, weights[part], *slopes[:, part])
+            rays = starts[part], units[part], ends[part], faces[part]
+            slopes = shadow.by_points[part], shadow.by_directions[part]
+            dim_beside_rims(*rays, lens, self.rim, self.edges, sides, weights[part], *slopes)
 
-        in_pieces(cast, len(rows), worth=_WORTH_SHARING)
-        dimmed = np.flatnonzero((weights < 1.0) & (weights > 0.0))
-        rows = rows[dimmed]
-        for by, column in zip(slopes, (shadow.by_points, shadow.by_directions), strict=True):
-            column[rows] = shares[rows, None] * self.place.directions(by[dimmed])
-        shares[rows] *= weights[dimmed]
+        in_pieces(cast, len(starts), worth=_WORTH_SHARING)
+        rows = np.flatnonzero((weights < 1.0) & (weights > 0.0))
+        for slopes in (shadow.by_points, shadow.by_directions):
+            slopes[rows] = shares[rows, None] * self.place.directions(slopes[rows])
+        shadow.weights[:] = np.where(shadow.met, 0.0, weights)
+        shadow.onward[:] = np.where(shadow.met, shares * weights, 1.0)
 
     def reflected(self, rays: ExitRays, shadow: Shadow) -> Reflected:
         """Rays from where ``rays`` meet bodies that reflect light, or leave clear ones, with the flux that goes on.
@@ -372,10 +365,20 @@ class Housing:
     def curvatures(self) -> Float[np.ndarray, "t 3 3"]:
         """Change of the normal along each triangle (1/mm), in the order of their numbers: see ``facet_curvatures``."""
         curvatures = np.zeros((len(self.bodies), 3, 3))
-        numbers = self.tree.numbers
-        walls = self.finishes.reflectances[self.bodies[numbers]] > 0.0
-        curvatures[numbers[walls]] = facet_curvatures(self.tree.corners[walls])
+        curvatures[self._every.numbers] = facet_curvatures(self._every.corners)
         return curvatures
+
+    @cached_property
+    def faces(self) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, "e 2"]]:
+        """Smooth face of each triangle, in the order of their numbers, and both at each edge, in that of the tree."""
+        faces = np.full(len(self.bodies), -1)
+        faces[self._every.numbers], sides = smooth_faces(self._every.corners, self.edges.corners)
+        return faces, sides
+
+    @property
+    def _every(self) -> TriangleTree:
+        """The tree of all triangles."""
+        return self.tree if self.whole is None else self.whole
 
     def _local(self, vectors: _Vectors, move: Callable[[_Vectors], _Vectors]) -> _Vectors:
         """Vectors in the frame of the bodies, in the order that kernels take."""
@@ -420,13 +423,6 @@ def _opaque(housing: Housing) -> Housing | None:
         for tree, bodies in ((housing.tree, housing.bodies), (housing.edges, housing.edge_bodies))
     )
     return replace(housing, tree=tree, edges=edges)
-
-
-@lru_cache(maxsize=32)
-def _edges_of_others(housing: Housing, body: int) -> TriangleTree | None:
-    """The tree of the edges of all bodies but this one; None if there is no other."""
-    others = housing.edge_bodies[housing.edges.numbers] != body
-    return _some_of(housing.edges, others) if others.any() else None
 
 
 @lru_cache(maxsize=8)

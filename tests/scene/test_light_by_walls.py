@@ -23,7 +23,7 @@ from lensforge.scene.wall_reflection import diffused
 from lensforge.seeds import sobol
 from lensforge.spec.housing_sections import HousingBox, HousingCylinder, HousingSection
 from lensforge.spec.light_limits import BodyLimit
-from lensforge.surfaces.facet_curvature import facet_curvatures
+from lensforge.surfaces.smooth_facets import facet_curvatures
 
 COUNT = 2**12
 STEP = 1e-6
