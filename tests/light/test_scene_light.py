@@ -300,7 +300,7 @@ def test_a_ring_returns_what_it_does_not_take(surface: dict[str, Any]) -> None:
     ]
     assert (
         told.value == pytest.approx(100.0 * gained)
-        and told.note == "in the window, by ring; the search takes it for black"
+        and told.note == "in the window, by ring; the search counts one reflection"
     )
     far = lf.photometry(lens, rays=2**14).lost_w
     source_w = searched_source(lens.spec).flux_w
