@@ -199,6 +199,11 @@ def test_light_by_a_mirror_of_facets_has_the_slopes_of_the_cylinder_that_they_st
     places, _ = at_bore(rays.take(rows))
     rows = rows[np.abs(RING.pose.to_local_points(places)[:, 2]) < 19.9]
     rows = rows[np.abs(landings.hits[rows]).max(axis=1) < 150.0]  # beyond, slopes grow without bound
+    height = RING.pose.to_local_points(at_bore(rays.take(rows))[0])[:, 2]
+    assert landings.shadow is not None
+    share = landings.shadow.onward[rows]
+    assert (share[np.abs(height) < 17.0] == 0.8).all(), "lines between facets are no rims"
+    assert share[np.argmax(height)] < 0.4, "at its rim the mirror is dark"
     by = motions(rays)
     by_hits = np.random.default_rng(2).normal(size=(COUNT, 2))
     by_rays, _ = receiver.adjoint(rays, by_hits, np.zeros(COUNT), landings)
@@ -248,6 +253,9 @@ def test_facets_have_the_curvature_of_their_surface() -> None:
     assert sorted(set(np.round(bends, 4))) == pytest.approx([-1.0 / 14.0, 1.0 / 21.0], abs=1e-4)
     assert np.abs(housing.curvatures[side] @ axis).max() < 1e-9
     assert np.abs(housing.curvatures[tube & ~side]).max() < 1e-9
+    faces, sides = housing.faces
+    assert sorted(np.unique(faces[tube], return_counts=True)[1]) == [2880] * 4 and len(set(faces[~tube])) == 6
+    assert (sides[:, 0] == sides[:, 1]).sum() == 2 * 1440, "the lines between the facets of bore and jacket"
 
 
 BAR = {
