@@ -297,3 +297,16 @@ def test_a_picture_of_a_side_that_walls_alone_light_reads_what_its_patches_have(
     black = small_spec(scene=[DARK, BAR, BEHIND | {"surface": "black", "reflectance": None}], limits=[FAR_SIDE])
     (picture,) = body_pictures(black)
     assert picture.eye_mm == (0.0, 0.0, 0.0)
+
+
+def test_patches_in_the_shadow_of_a_body_count_where_walls_light_them() -> None:
+    near_side = FAR_SIDE | {"facing": [0.0, 0.0, -1.0]}
+    hiding = DARK | {"centre_mm": [4.0, -6.0, 45.0]}
+    counted = []
+    for wall in (BEHIND, BEHIND | {"surface": "black", "reflectance": None}):
+        spec = small_spec(scene=[hiding, BAR, wall], limits=[near_side])
+        (picture,) = body_pictures(spec)
+        (limit,) = spec.limits
+        assert isinstance(limit, BodyLimit) and picture.eye_mm == (0.0, 0.0, 0.0)
+        counted.append(picture.searched(0.6, 6.0).readings(limit).shape[0])
+    assert counted[0] > counted[1] + 5
