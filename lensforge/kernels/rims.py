@@ -1,7 +1,8 @@
 """Rays that pass a rim closely: the edge of a tree nearest to each, and how much of the light of a search gets by.
 
 ``rim`` is the tangent of an angle, seen from the foot of the ray's line before an origin. With t that of the angle to
-the nearest edge, a ray has the weight ``x^2 (3 - 2 x)``, x = t / rim, if t is less than ``rim``.
+the nearest edge, a ray has the weight ``x^2 (3 - 2 x)``, x = t / rim, if t is less than ``rim``. A ray that ends on a
+face of bodies has it beside those edges, too, at which that face ends behind the place; edges within it are none.
 """
 
 from math import inf
@@ -67,8 +68,11 @@ def _nearest_of_edge(start, end, direction, least_along, most_along):
 
 
 @inline
-def _nearest_rim(foot, direction, least_along, most_along, most, tree):
-    """Tangent of the angle between a line and the nearest edge, at most ``most``, and the place there from the foot."""
+def _nearest_rim(foot, direction, least_along, most_along, most, tree, face, sides):
+    """Tangent of the angle between a line and the nearest edge, at most ``most``, and the place there from the foot.
+
+    ``face``: that the line ends on, or -1; ``sides``: the two faces at each edge.
+    """
     per = reciprocal(direction[0]), reciprocal(direction[1]), reciprocal(direction[2])
     signs = negative_bits(direction)
     nearest = most
@@ -84,12 +88,15 @@ def _nearest_rim(foot, direction, least_along, most_along, most, tree):
         turned = 0
         if level == leaves:
             for k in range(tree.starts[index], tree.starts[index + 1]):
-                start = difference(tree.corners[k, 0], foot)
-                end = difference(tree.corners[k, 1], foot)
-                tangent, x, y, z = _nearest_of_edge(start, end, direction, least_along, most_along)
-                if tangent < nearest:
-                    nearest = tangent
-                    rim = x, y, z
+                of_face = (sides[k, 0] == face) + (sides[k, 1] == face)
+                if of_face < 2:
+                    start = difference(tree.corners[k, 0], foot)
+                    end = difference(tree.corners[k, 1], foot)
+                    farthest = inf if of_face else most_along
+                    tangent, x, y, z = _nearest_of_edge(start, end, direction, least_along, farthest)
+                    if tangent < nearest:
+                        nearest = tangent
+                        rim = x, y, z
         else:
             node = tree.levels[level] + index
             turned = tree.against[node, signs]
@@ -104,11 +111,12 @@ def _nearest_rim(foot, direction, least_along, most_along, most, tree):
 
 
 @kernel
-def dim_beside_rims(points, directions, reaches, origin, rim, edges, weights, by_points, by_directions):
+def dim_beside_rims(points, directions, reaches, faces, origin, rim, edges, sides, weights, by_points, by_directions):
     """Multiply into ``weights`` those of rays beside rims, and fill their slopes by points (1/mm) and directions.
 
     ``reaches``: distances (mm) at which rays end; one that is not positive, or has no weight, is left as it is.
-    ``edges``: their tree; ``origin``: from which angles are seen.
+    ``faces``: numbers of those that they end on, or -1; ``edges``: their tree, ``sides`` the faces at each of them;
+    ``origin``: from which angles are seen.
     """
     for ray in range(len(points)):
         if not (reaches[ray] > 0.0 and weights[ray] > 0.0):
@@ -118,7 +126,8 @@ def dim_beside_rims(points, directions, reaches, origin, rim, edges, weights, by
         begin = dot(point, direction)
         foot = add_scaled(points[ray], -begin, direction)
         least_along = max(begin, 0.0) + _AHEAD_MM
-        tangent, away = _nearest_rim(foot, direction, least_along, begin + reaches[ray], rim, edges)
+        most_along = begin + reaches[ray]
+        tangent, away = _nearest_rim(foot, direction, least_along, most_along, rim, edges, faces[ray], sides)
         if tangent < rim:
             place = add_scaled(away, 1.0, add_scaled(point, -begin, direction))
             along = dot(place, direction)

@@ -88,7 +88,7 @@ class BlockedLight(Record):
     share: Annotated[Metric, Figure("Blocked by housing", "{place_words}", key="blocked", unit="%")]
     returned: Annotated[
         Metric | None,
-        Figure("Light by reflection", "in the window, by {name}; the search takes it for black", unit="%"),
+        Figure("Light by reflection", "in the window, by {name}; the search counts one reflection", unit="%"),
     ] = None
     passed: Annotated[
         Metric | None,

@@ -33,7 +33,7 @@ def as_numpy(array: Array) -> np.ndarray:
 def replaced(array: Array, rows: Int[Array, " k"], values: Shaped[Array, "k *shape"]) -> Array:
     """A copy of ``array`` with ``values`` in some of its rows; differentiable in both."""
     if not isinstance(array, np.ndarray):
-        return array.index_put((rows,), values)
+        return array.index_put((sys.modules["torch"].as_tensor(rows, device=array.device),), values)
     copy = array.copy()
     copy[rows] = values
     return copy

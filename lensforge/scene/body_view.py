@@ -3,7 +3,8 @@
 A ray counts where it meets the body first, from outside: what the body itself or others shade is dark. If it goes on
 from there and comes to the body again, by way of others, it counts again. An evaluation counts it by patches. A search,
 whose gradient moves hits, sees the surface from the lens instead, on the equal-area chart of directions: neighbours
-there are neighbours on the body, but at its rims.
+there are neighbours on the body, but at its rims. A side that the lens does not see,
+and that has light by way of walls alone, is seen from before it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,7 +19,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.triangle_tree import first_hits
 from lensforge.optics.arrays import Array, as_numpy, lengths, like, module_of
-from lensforge.optics.pose import Pose
+from lensforge.optics.pose import ORIGIN, Pose, Vector
 from lensforge.scene.body_patches import BodyPatches
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing import Housing
@@ -37,6 +38,8 @@ _FEWEST = 8  # pixels along the longer side of a picture
 _OVERSAMPLING = 8  # sub-pixels along a side, by which the area in a pixel is measured
 _IN_PLANE_MM = 1e-6
 _STEPS_TO_DEPTH = 3  # of a ray beside a body: the lens is small beside its distance
+_BEFORE_SIDE = 3.0  # half diameters of a side, from which an eye sees it
+_NEAREST_MM2 = 1e-12  # of a path whose square root has a slope
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,19 @@ class LitBody(PosedReceiver):
     def lies_in_plane_with_lens(self, limit: BodyLimit) -> bool:
         """True if no light of a lens at the origin comes to a patch that counts, such as a ceiling in which it is."""
         pieces = np.isin(self.patches.numbers, self.counted(limit))
-        start = self.pose.to_local_points(np.zeros((1, 3)))
-        heights = ((self.patches.corners[pieces, 0] - start) * self.patches.piece_normals[pieces]).sum(axis=1)
-        return bool((np.abs(heights) < _IN_PLANE_MM).all())
+        return bool((np.abs(self._heights_mm(ORIGIN)[pieces]) < _IN_PLANE_MM).all())
+
+    def is_by_walls(self, limit: BodyLimit) -> bool:
+        """True if other bodies reflect light, by which alone it comes from the origin to the patches that count."""
+        if self.housing is None or not self.housing.finishes.reflectances.any():
+            return False
+        pieces = np.isin(self.patches.numbers, self.counted(limit))
+        return bool((self._heights_mm(ORIGIN)[pieces] < _IN_PLANE_MM).all())
+
+    def _heights_mm(self, eye_mm: Vector) -> Float[np.ndarray, " t"]:
+        """Height of a place above each piece; negative behind it."""
+        eye = self.pose.to_local_points(np.array([eye_mm]))
+        return np.asarray(((eye - self.patches.corners[:, 0]) * self.patches.piece_normals).sum(axis=1))
 
     def shows(self, number: int, limit: BodyLimit) -> bool:
         """True if it reads this ``limit``, which has that ``number``."""
@@ -188,22 +201,30 @@ class BodyView(LitBody):
 
 @dataclass(frozen=True)
 class BodyPicture(LitBody):
-    """The body as a lens at the origin sees it, for the limit of this ``number``: places are directions from there.
+    """The body as an eye at ``eye_mm`` sees it, for the limit of this ``number``: places are directions from there.
 
-    Rays that pass beside the body land beside it, at its depth there: what moves them onto it is a gain that a search
-    sees. ``towards``: the frame of the chart.
+    The eye is the lens at the origin, or stands before a side that it does not see. Rays that pass beside the body land
+    beside it, at its depth there: what moves them onto it is a gain that a search sees. ``towards``: the frame of the
+    chart.
     """
 
     number: int = field(kw_only=True)
     towards: Pose = field(kw_only=True)
+    eye_mm: Vector = ORIGIN
 
     @staticmethod
     def of(view: BodyView, number: int, limit: BodyLimit, width_mm: float, most: int) -> "BodyPicture":
         """The picture for a ``limit`` by patches ``width_mm`` wide, with at most so many pixels along a side."""
         counted = view.counted(limit)
-        towards = Pose.facing(tuple(view.centres_mm[counted].mean(axis=0).tolist()))
+        middle = view.centres_mm[counted].mean(axis=0)
         pieces = np.flatnonzero(np.isin(view.patches.numbers, counted))
         corners = view.pose.points(view.patches.corners[pieces].reshape(-1, 3))
+        eye = np.zeros(3)
+        if view.is_by_walls(limit):
+            facing = view.patches.areas_m2[counted] @ view.pose.directions(view.patches.normals[counted])
+            eye = middle + _BEFORE_SIDE * lengths(corners - middle).max() * facing / np.linalg.norm(facing)
+        corners = corners - eye
+        towards = Pose.facing(tuple((middle - eye).tolist()))
         away_mm = np.linalg.norm(corners, axis=1, keepdims=True)
         reach = 2.0 * _AROUND * np.abs(equal_area(towards.to_local_directions(corners / away_mm))).max(axis=0)
         pixels = int(np.clip(reach.max() * float(away_mm.mean()) / (_OF_PATCH * width_mm), _FEWEST, most))
@@ -216,6 +237,7 @@ class BodyPicture(LitBody):
             patches=view.patches,
             number=number,
             towards=towards,
+            eye_mm=(float(eye[0]), float(eye[1]), float(eye[2])),
         )
 
     def shows(self, number: int, limit: BodyLimit) -> bool:
@@ -235,7 +257,7 @@ class BodyPicture(LitBody):
         patches = self.patches.numbers[pieces]
         counted = self.counted(limit)
         seen = (pieces >= 0) & np.isin(patches, counted)
-        if self.housing is not None:
+        if self.housing is not None and not self.housing.reflects:  # light by walls comes around bodies
             seen &= ~self.housing.shadow(np.zeros_like(units), units, distances).met
         rows = np.flatnonzero(seen)
         parts = bilinear(self.grid, x[rows], y[rows]) / _OVERSAMPLING**2  # of the flux of pixels, in each sub-pixel
@@ -247,13 +269,13 @@ class BodyPicture(LitBody):
         return sparse.csr_array(sparse.diags_array(1.0 / areas_m2) @ flux)[np.unique(patches[rows])]
 
     def _seen(self, units: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-        """Distance (mm) of the body from the origin in directions of the scene, and the piece there."""
-        start = self.pose.to_local_points(np.zeros_like(units))
+        """Distance (mm) of the body from the eye in directions of the scene, and the piece there."""
+        start = self.pose.to_local_points(np.zeros_like(units) + self.eye_mm)
         return self.met(start, self.pose.to_local_directions(units))
 
     @cached_property
     def _depths_mm(self) -> Float[np.ndarray, "h w"]:
-        """Distance of the body from the origin in each pixel; beside it that in the nearest pixel that has one."""
+        """Distance of the body from the eye in each pixel; beside it that in the nearest pixel that has one."""
         x, y = np.meshgrid(self.grid.x(), self.grid.y())
         distances, pieces = self._seen(self.towards.directions(from_equal_area(x, y)).reshape(-1, 3))
         missed = (pieces < 0).reshape(x.shape)
@@ -263,17 +285,30 @@ class BodyPicture(LitBody):
     def _depths_at(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the origin of where each ray is at the depth of the body, or of its nearest part."""
+        """Distance (mm) from the eye of where each ray is at the depth of the body, or of its nearest part."""
         depths = np.full(len(points), self._depths_mm.mean())
         for _ in range(_STEPS_TO_DEPTH):
-            reached = points + _path_to(points, directions, depths)[:, None] * directions
-            column, row = self._pixels(equal_area(self._directions_to(reached)))
-            depths = self._depths_mm[row, column]
+            depths = self._depths_towards(points + self._path_to(points, directions, depths)[:, None] * directions)
         return depths
+
+    def _depths_towards(self, places: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) of the body from the eye in the directions of places."""
+        column, row = self._pixels(equal_area(self._directions_to(places)))
+        return np.asarray(self._depths_mm[row, column])
+
+    def _path_to(
+        self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"], depths: Float[Array, " n"]
+    ) -> Float[Array, " n"]:
+        """Path (mm) along rays to where they are so far from the eye, or nearest to it."""
+        away = points - like(points, self.eye_mm)
+        along = (away * directions).sum(1)
+        square = along**2 - (away**2).sum(1) + depths**2
+        return module_of(points).sqrt(square.clip(_NEAREST_MM2)) - along
 
     def _directions_to(self, places: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
         """Directions, in the frame of the chart, of places in the scene."""
-        return self.towards.to_local_directions(places / lengths(places)[:, None])
+        away = places - like(places, self.eye_mm)
+        return self.towards.to_local_directions(away / lengths(away)[:, None])
 
     def _pixels(self, hits: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "2 n"]:
         """Column and row of the nearest pixel to each of ``hits``."""
@@ -287,12 +322,19 @@ class BodyPicture(LitBody):
         paths = super()._reach_mm(points, directions, landings)
         beside = np.flatnonzero(np.isinf(paths) & as_numpy(landings.landed))
         ways = points[beside], directions[beside]
-        paths[beside] = _path_to(*ways, self._depths_at(*ways))
+        paths[beside] = self._path_to(*ways, self._depths_at(*ways))
         return paths
 
     def _reached(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
-        rises = self.pose.directions(as_numpy(directions)) @ np.array(self.towards.axis) > 0.0
-        return module_of(points).asarray(rises)
+        ways = as_numpy(directions)
+        rises = self.pose.directions(ways) @ np.array(self.towards.axis) > 0.0
+        if self.housing is not None and self.housing.reflects:
+            starts = as_numpy(points)
+            _, pieces = self.met(starts, ways)
+            places = self.pose.points(starts)
+            rises &= lengths(places - self.eye_mm) < self._depths_towards(places)
+            rises = np.where(pieces >= 0, self._heights_mm(self.eye_mm)[pieces] > 0.0, rises)  # else it is not seen
+        return like(points, rises) > 0.0
 
     def _chart(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         _, pieces = self.met(as_numpy(points), as_numpy(directions))
@@ -302,23 +344,14 @@ class BodyPicture(LitBody):
         corners = like(points, self.pose.points(self.patches.corners[pieces, 0]))
         to_body = ((corners - starts) * normals).sum(1) / (ways * normals).sum(1)
         beside = like(points, self._depths_at(as_numpy(starts), as_numpy(ways)))
-        paths = module_of(points).where(like(points, pieces) >= 0.0, to_body, _path_to(starts, ways, beside))
+        paths = module_of(points).where(like(points, pieces) >= 0.0, to_body, self._path_to(starts, ways, beside))
         return equal_area(self._directions_to(starts + paths[:, None] * ways))
 
     def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
         units = self.towards.directions(from_equal_area(x, y))
         column, row = self._pixels(np.stack([x, y], axis=-1).reshape(-1, 2))
         depths = self._depths_mm[row, column].reshape(x.shape)
-        return np.asarray(self.pose.to_local_points(depths[..., None] * units))
-
-
-def _path_to(
-    points: Float[Array, "n 3"], directions: Float[Array, "n 3"], depths: Float[Array, " n"]
-) -> Float[Array, " n"]:
-    """Path (mm) along rays to where they are so far from the origin."""
-    along = (points * directions).sum(1)
-    square = along**2 - (points**2).sum(1) + depths**2
-    return module_of(points).sqrt(square) - along
+        return np.asarray(self.pose.to_local_points(depths[..., None] * units + self.eye_mm))
 
 
 def body_views(spec: Spec) -> tuple[BodyView, ...]:
@@ -336,16 +369,20 @@ def body_views(spec: Spec) -> tuple[BodyView, ...]:
 def body_pictures(spec: Spec) -> tuple[BodyPicture, ...]:
     """Pictures of bodies for a search, one for each limit on them that light of the lens can reach.
 
-    None of several lamps, which see other sides.
+    None of several lamps, which see other sides. Light that passes beside a body, and comes to a side by way of walls,
+    fades out beside the body itself, too.
     """
     if not spec.all_lamps.is_single:
         return ()
     views = {view.name: view for view in body_views(spec)}
     width_mm = {body.name: body.patch_mm for body in bodies_of(spec.scene)}
-    return tuple(
-        BodyPicture.of(
-            views[limit.body], number, limit, width_mm[limit.body] or 0.0, _MOST_OF_SEARCH * spec.optimise.pixels
-        )
-        for number, limit in enumerate(spec.limits)
-        if isinstance(limit, BodyLimit) and not views[limit.body].lies_in_plane_with_lens(limit)
-    )
+    most = _MOST_OF_SEARCH * spec.optimise.pixels
+    pictures = []
+    for number, limit in enumerate(spec.limits):
+        if isinstance(limit, BodyLimit):
+            view = views[limit.body]
+            is_by_walls = view.is_by_walls(limit)
+            if is_by_walls or not view.lies_in_plane_with_lens(limit):
+                picture = BodyPicture.of(view, number, limit, width_mm[limit.body] or 0.0, most)
+                pictures.append(replace(picture, housing=Housing.of(spec.scene)) if is_by_walls else picture)
+    return tuple(pictures)

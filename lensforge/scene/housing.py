@@ -1,7 +1,7 @@
 """The bodies of a ``[[scene]]`` in the way of light from the lens to a receiver or an eye.
 
 A ray that meets one of them before its end is lost there, is reflected, or crosses a clear one, and so on from body to
-body (``scene.housing_walk``). A search takes all bodies for black, and clear ones for air. As light must fade out in
+body (``scene.housing_walk``). A search takes clear ones for air. As light must fade out in
 it, it also dims rays that pass a rim closely. With c the distance of a place of a body from the ray's line, and L how
 far that place lies along it from the origin of the lamp, the least t = c / L counts: below ``rim`` a ray has the weight
 ``x^2 (3 - 2 x)``, x = t / rim, whose slope is that of its distance from the body. Bodies then seem larger by half of
@@ -20,15 +20,16 @@ from jaxtyping import Bool, Float, Int
 from lensforge.kernels.parallel import in_pieces
 from lensforge.kernels.rims import dim_beside_rims
 from lensforge.kernels.triangle_tree import TriangleTree, any_hits, first_hits, tree_of
-from lensforge.optics.arrays import Array, lengths, like
+from lensforge.optics.arrays import Array, lengths, like, replaced
 from lensforge.optics.dielectric import unpolarised_fields
 from lensforge.optics.pose import IN_PLACE, Pose, Vector
 from lensforge.scene.clear_crossing import CrossedRays, RaysWithin, refracted, totally_reflected
 from lensforge.scene.exit_rays import ExitRays
 from lensforge.scene.housing_mesh import contents_of, placed_mesh
-from lensforge.scene.wall_reflection import diffused, mirrored, towards_light
+from lensforge.scene.wall_reflection import AtWalls, diffused, mirrored, towards_light
 from lensforge.spec.housing_sections import HousingSection, bodies_of
 from lensforge.surfaces.mirror_group import group
+from lensforge.surfaces.smooth_facets import facet_curvatures, smooth_faces
 from lensforge.surfaces.solid_file import rims_of
 
 _DIGITS = 5  # of a mm, to which corners have mirror images
@@ -43,11 +44,11 @@ _Values = Float[np.ndarray, " n"]
 class Shadow(NamedTuple):
     """Rays in the shadow of bodies: the ``weights`` with which they get through, and the body that each meets, or -1.
 
-    ``places``: at which they meet it first (mm), in the frame of the bodies; 0 of others, and in a search, which asks
-    for any body that a ray meets. ``by_points``, ``by_directions``:
-    slopes of the weights by the points (1/mm) and directions of the rays. ``triangles``: that each meets, or -1.
-    ``onward``: share of the flux that goes on from there, 1 of rays that meet none. ``again``: True for rays that meet
-    a further wall when they go on from no more.
+    ``places``: at which they meet it first (mm), in the frame of the bodies; 0 of others, and in a search beside black
+    bodies, which asks for any that a ray meets. ``by_points``, ``by_directions``:
+    slopes of the weights by the points (1/mm) and directions of the rays; of ``onward`` where they meet a body.
+    ``triangles``: that each meets, or -1. ``onward``: share of the flux that goes on from there, 1 of rays that meet
+    none. ``again``: True for rays that meet a further wall when they go on from no more.
     """
 
     weights: _Values
@@ -76,11 +77,26 @@ class Shadow(NamedTuple):
 
     def weights_by(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
         """The weights; of rays in torch differentiable."""
-        weights = like(points, self.weights)
+        return self._moved(self.weights, ~self.met, points, directions)
+
+    def onward_by(self, points: Float[Array, "n 3"], directions: Float[Array, "n 3"]) -> Float[Array, " n"]:
+        """The shares that go on; of rays in torch differentiable."""
+        return self._moved(self.onward, self.met, points, directions)
+
+    def _moved(
+        self,
+        shares: _Values,
+        have_slopes: Bool[np.ndarray, " n"],
+        points: Float[Array, "n 3"],
+        directions: Float[Array, "n 3"],
+    ) -> Float[Array, " n"]:
+        values = like(points, shares)
         if isinstance(points, np.ndarray):
-            return weights
-        moved = (points - points.detach()) * like(points, self.by_points)
-        return weights + (moved + (directions - directions.detach()) * like(points, self.by_directions)).sum(1)
+            return values
+        sloping = have_slopes[:, None]
+        by_points, by_directions = (like(points, slopes * sloping) for slopes in (self.by_points, self.by_directions))
+        moved = (points - points.detach()) * by_points + (directions - directions.detach()) * by_directions
+        return values + moved.sum(1)
 
     @property
     def met(self) -> Bool[np.ndarray, " n"]:
@@ -130,6 +146,12 @@ class Finishes(NamedTuple):
         """True for clear bodies."""
         return self.indices > 0.0
 
+    @property
+    def opaque(self) -> "Finishes":
+        """The finishes without those of clear bodies."""
+        none = np.zeros_like(self.indices)
+        return self._replace(indices=none, absorptions=none)
+
 
 @dataclass(frozen=True, eq=False)
 class Housing:
@@ -138,7 +160,8 @@ class Housing:
     ``finishes``: of the bodies. ``edges``: the tree of the edges in which they are not flat, ``edge_bodies`` the body
     of each. ``events``: the most bodies from which light goes on; one less the most total reflections within a clear
     one. ``place``: of the bodies in the frame of the rays. ``rim``: largest tangent of the angle to an edge at which
-    rays are dimmed; 0: none is.
+    rays are dimmed; 0: none is. ``whole``: tree of all triangles, if light of lamps cannot meet all first;
+    None: that is ``tree``.
     """
 
     names: tuple[str, ...]
@@ -150,6 +173,7 @@ class Housing:
     events: int = 1
     place: Pose = IN_PLACE
     rim: float = 0.0
+    whole: TriangleTree | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -173,7 +197,7 @@ class Housing:
     @property
     def black(self) -> "Housing | None":
         """The bodies as if all were black, without clear ones; None if all are clear."""
-        return self.opaque and self.opaque.faded(0.0)
+        return self.opaque and replace(self.opaque, finishes=Finishes(*map(np.zeros_like, self.finishes)))
 
     @property
     def reach_mm(self) -> float:
@@ -181,14 +205,15 @@ class Housing:
         return float(lengths(self.place.points(self.tree.corners.reshape(-1, 3))).max())
 
     def faded(self, rim_deg: float) -> "Housing":
-        """Opaque bodies as a search sees them: black, and they dim rays beside their rims."""
-        return replace(self, finishes=Finishes(*map(np.zeros_like, self.finishes)), rim=tan(radians(rim_deg)))
+        """Opaque bodies as a search sees them: they dim rays beside their rims."""
+        return replace(self, finishes=self.finishes.opaque, rim=tan(radians(rim_deg)))
 
     def lit_from(self, centres_mm: Sequence[Vector], radius_mm: float) -> "Housing":
         """The bodies for rays that all begin in balls outside of them, by the triangles that light from there can meet
         first."""
         centres = self.place.to_local_points(np.array(centres_mm))
-        return replace(self, tree=_lit_tree(self, tuple(map(tuple, centres.tolist())), radius_mm))
+        lit = _lit_tree(self, tuple(map(tuple, centres.tolist())), radius_mm)
+        return replace(self, tree=lit, whole=self._every)
 
     def seen_from(self, frame: Pose) -> "Housing":
         """The bodies as a lamp in ``frame`` sees them."""
@@ -211,47 +236,70 @@ class Housing:
         units = self._local(directions, self.place.to_local_directions)
         ends = reach_mm - _AT_END_MM
         shadow = Shadow.none_of(len(points))
-        if self.rim > 0.0:
-            self._fade(shadow, starts, units, ends)
+        if self.rim == 0.0 or self.reflects:
+            self._meet_first(shadow, starts, units, ends)
         else:
-            distances = np.empty(len(points))
-
-            def cast(part: slice) -> None:
-                first_hits(starts[part], units[part], ends[part], self.tree, distances[part], shadow.triangles[part])
-
-            in_pieces(cast, len(points), worth=_WORTH_SHARING)
-            met = np.flatnonzero(shadow.triangles >= 0)
-            shadow.weights[met] = 0.0
-            shadow.places[met] = starts[met] + distances[met, None] * units[met]
+            shadow.triangles[:] = _any_met(starts, units, ends, self.tree)
+        shadow.weights[shadow.triangles >= 0] = 0.0
         met = np.flatnonzero(shadow.triangles >= 0)
         shadow.bodies[met] = self.bodies[shadow.triangles[met]]
         shadow.onward[met] = self.finishes.reflectances[shadow.bodies[met]]
         clear = met[self.finishes.clear[shadow.bodies[met]]]
         if len(clear):
             shadow.onward[clear] = self._crossing(shadow, clear, units[clear]).share
+        if self.rim > 0.0:
+            self._dim(shadow, starts, units, ends)
         return shadow
 
     def endless_shadow(self, rays: ExitRays) -> Shadow:
         """Shadow on ``rays``, NumPy arrays, those that left the lens, however far they go."""
         return self.shadow(rays.points, rays.directions, np.where(rays.left_lens, np.inf, -np.inf))
 
-    def _fade(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
-        """Fill the ``shadow`` of a search on rays in the frame of the bodies."""
-        lens = np.array(self.place.inverse.origin_mm)
+    def blocks(self, points: _Vectors, directions: _Vectors, reach_mm: _Values) -> Bool[np.ndarray, " n"]:
+        """True for rays from walls, which may meet any triangle, that do so before they end after ``reach_mm``."""
+        starts = self._local(points, self.place.to_local_points)
+        units = self._local(directions, self.place.to_local_directions)
+        return np.asarray(_any_met(starts, units, reach_mm - _AT_END_MM, self._every) >= 0)
+
+    def _meet_first(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
+        """Fill the first triangles and places that rays in the frame of the bodies meet."""
+        distances = np.empty(len(starts))
 
         def cast(part: slice) -> None:
-            rays = starts[part], units[part], ends[part]
-            weights = shadow.weights[part]
-            slopes = shadow.by_points[part], shadow.by_directions[part]
-            any_hits(*rays, self.tree, shadow.triangles[part])
-            weights[shadow.triangles[part] >= 0] = 0.0
-            dim_beside_rims(*rays, lens, self.rim, self.edges, weights, *slopes)
+            first_hits(starts[part], units[part], ends[part], self.tree, distances[part], shadow.triangles[part])
 
         in_pieces(cast, len(starts), worth=_WORTH_SHARING)
-        if self.place.moves:
-            rows = np.flatnonzero(shadow.weights < 1.0)
-            for slopes in (shadow.by_points, shadow.by_directions):
-                slopes[rows] = self.place.directions(slopes[rows])
+        met = np.flatnonzero(shadow.triangles >= 0)
+        shadow.places[met] = starts[met] + distances[met, None] * units[met]
+
+    def _dim(self, shadow: Shadow, starts: _Vectors, units: _Vectors, ends: _Values) -> None:
+        """Dim the weights of the ``shadow`` beside rims, and what walls send on, and fill their slopes.
+
+        Light that meets a wall fades out beside the rims of others before it, and towards that of the wall itself.
+        """
+        lens = np.array(self.place.inverse.origin_mm)
+        shares = np.where(shadow.met, shadow.onward, shadow.weights)
+        if self.reflects:
+            faces, sides = self.faces
+            lit = np.flatnonzero(shadow.met)
+            ends = replaced(ends, lit, ((shadow.places - starts)[lit] * units[lit]).sum(axis=1))
+            faces = np.where(shadow.met, faces[shadow.triangles], -1)
+        else:
+            sides = np.zeros((len(self.edges.corners), 2), dtype=np.int64)
+            faces = np.full(len(starts), -1)
+        weights = np.where(shares > 0.0, 1.0, 0.0)
+
+        def cast(part: slice) -> None:
+            rays = starts[part], units[part], ends[part], faces[part]
+            slopes = shadow.by_points[part], shadow.by_directions[part]
+            dim_beside_rims(*rays, lens, self.rim, self.edges, sides, weights[part], *slopes)
+
+        in_pieces(cast, len(starts), worth=_WORTH_SHARING)
+        rows = np.flatnonzero((weights < 1.0) & (weights > 0.0))
+        for slopes in (shadow.by_points, shadow.by_directions):
+            slopes[rows] = shares[rows, None] * self.place.directions(slopes[rows])
+        shadow.weights[:] = np.where(shadow.met, 0.0, weights)
+        shadow.onward[:] = np.where(shadow.met, shares * weights, 1.0)
 
     def reflected(self, rays: ExitRays, shadow: Shadow) -> Reflected:
         """Rays from where ``rays`` meet bodies that reflect light, or leave clear ones, with the flux that goes on.
@@ -274,6 +322,22 @@ class Housing:
         ways = self.place.points(starts), self.place.directions(going)
         draws = None if rays.draws is None else rays.draws[rows, 2:]
         return Reflected(rows, ExitRays(*ways, flux, np.zeros_like(flux), rays.fates[rows], draws=draws))
+
+    def at_walls(self, shadow: Shadow, reflected: Reflected) -> AtWalls:
+        """The rays of a ``shadow`` at the opaque walls that send them on as ``reflected``."""
+        rows = reflected.rows
+        triangles = shadow.triangles[rows]
+        curvatures = self.curvatures[triangles]
+        if self.place.moves:
+            curvatures = self.place.rotation @ curvatures @ self.place.rotation.T
+        return AtWalls(
+            places=self.place.points(shadow.places[rows]),
+            normals=self.place.directions(self.normals[triangles]),
+            curvatures=curvatures,
+            starts=reflected.rays.points,
+            going=reflected.rays.directions,
+            diffuse=self.finishes.diffuse[shadow.bodies[rows]],
+        )
 
     def _crossing(self, shadow: Shadow, rows: Int[np.ndarray, " k"], coming: _Vectors) -> CrossedRays:
         """Light behind the clear bodies that the rays ``rows`` of a ``shadow`` meet, in the frame of the bodies.
@@ -318,9 +382,39 @@ class Housing:
         normals[self.tree.numbers] = np.cross(second - first, third - first)
         return np.asarray(normals / np.maximum(lengths(normals), np.finfo(float).tiny)[:, None])
 
+    @cached_property
+    def curvatures(self) -> Float[np.ndarray, "t 3 3"]:
+        """Change of the normal along each triangle (1/mm), in the order of their numbers: see ``facet_curvatures``."""
+        curvatures = np.zeros((len(self.bodies), 3, 3))
+        curvatures[self._every.numbers] = facet_curvatures(self._every.corners)
+        return curvatures
+
+    @cached_property
+    def faces(self) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, "e 2"]]:
+        """Smooth face of each triangle, in the order of their numbers, and both at each edge, in that of the tree."""
+        faces = np.full(len(self.bodies), -1)
+        faces[self._every.numbers], sides = smooth_faces(self._every.corners, self.edges.corners)
+        return faces, sides
+
+    @property
+    def _every(self) -> TriangleTree:
+        """The tree of all triangles."""
+        return self.tree if self.whole is None else self.whole
+
     def _local(self, vectors: _Vectors, move: Callable[[_Vectors], _Vectors]) -> _Vectors:
         """Vectors in the frame of the bodies, in the order that kernels take."""
         return np.ascontiguousarray(move(vectors) if self.place.moves else vectors)
+
+
+def _any_met(starts: _Vectors, units: _Vectors, ends: _Values, tree: TriangleTree) -> Int[np.ndarray, " n"]:
+    """Number of any triangle that each ray meets, which is quicker than the first; -1 for none."""
+    numbers = np.empty(len(starts), dtype=np.int64)
+
+    def cast(part: slice) -> None:
+        any_hits(starts[part], units[part], ends[part], tree, numbers[part])
+
+    in_pieces(cast, len(starts), worth=_WORTH_SHARING)
+    return numbers
 
 
 def _rounded(points: Float[np.ndarray, "n k"]) -> set[tuple[float, ...]]:

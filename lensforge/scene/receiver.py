@@ -15,12 +15,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.kernels.parallel import in_pieces
-from lensforge.optics.arrays import Array, as_numpy, module_of, replaced, rows_of
+from lensforge.optics.arrays import Array, as_numpy, like, module_of, replaced, rows_of
 from lensforge.optics.pose import Pose
 from lensforge.scene.exit_rays import ExitRays, Sensitivities
 from lensforge.scene.housing import Housing, Shadow
 from lensforge.scene.housing_walk import SceneLeg, last_of, legs_of
 from lensforge.scene.pixel_grid import PixelGrid, Window
+from lensforge.scene.wall_reflection import AtWalls
 from lensforge.spec.lamps_section import ALONE, Lamps
 from lensforge.spec.receiver_fields import ReceiverSection
 
@@ -35,6 +36,14 @@ class LandedAgain(NamedTuple):
     flux: Float[np.ndarray, " k"]
 
 
+class ByWalls(NamedTuple):
+    """Numbers of the exit rays that land by way of a wall, these rays at it, and behind it; NumPy arrays."""
+
+    rows: Int[np.ndarray, " k"]
+    at: AtWalls
+    rays: ExitRays
+
+
 @dataclass(frozen=True)
 class Landings:
     """Exit rays on a receiver, in their order.
@@ -44,6 +53,7 @@ class Landings:
     ``shadow``: of the bodies before it, in NumPy; None without any. A ray that they reflect lands from there.
     ``paths_mm``: lengths of the ways there, in NumPy, where the receiver's kernel tells them. ``legs``: of the rays
     from body to body; empty where none goes on from any. ``again``: what lands once more; None for none.
+    ``by_walls``: light of a search that lands by way of a wall; None if there is none.
     """
 
     hits: Float[Array, "n 2"]
@@ -54,6 +64,7 @@ class Landings:
     paths_mm: Float[np.ndarray, " n"] | None = None
     legs: tuple[SceneLeg, ...] = ()
     again: LandedAgain | None = None
+    by_walls: ByWalls | None = None
 
     @property
     def arrived(self) -> Bool[Array, " n"]:
@@ -126,11 +137,23 @@ class PosedReceiver(ABC):
         landings = landings or self.land(rays)
         shadow = landings.shadow
         assert shadow is not None, "behind bodies"
-        by, of_flux = self._adjoint(rays, by_hits, by_flux * shadow.weights)
+        walls = landings.by_walls
+        straight = by_hits if walls is None else replaced(by_hits, walls.rows, np.zeros((len(walls.rows), 2)))
+        by, of_flux = self._adjoint(rays, straight, by_flux * shadow.weights)
         rows = np.flatnonzero((shadow.weights > 0.0) & (shadow.weights < 1.0))  # what is dark has no slope
         by_weight = (by_flux[rows] * landings.flux[rows] / shadow.weights[rows])[:, None]
         by.by_points[rows] += by_weight * shadow.by_points[rows]
         by.by_directions[rows] += by_weight * shadow.by_directions[rows]
+        if walls is not None:
+            rows = walls.rows
+            behind, by_behind = self._adjoint(walls.rays, by_hits[rows], by_flux[rows])
+            before = walls.at.adjoint(rays.points[rows], rays.directions[rows], behind)
+            by.by_points[rows] += before.by_points
+            by.by_directions[rows] += before.by_directions
+            of_flux[rows] += shadow.onward[rows] * by_behind
+            by_onward = (by_flux[rows] * landings.flux[rows] / shadow.onward[rows])[:, None]
+            by.by_points[rows] += by_onward * shadow.by_points[rows]
+            by.by_directions[rows] += by_onward * shadow.by_directions[rows]
         return by, of_flux
 
     @property
@@ -144,7 +167,7 @@ class PosedReceiver(ABC):
         return replace(self, pose=self.pose.seen_from(lamp), lamps=ALONE, housing=housing)
 
     def searched(self, rim_deg: float, lens_mm: float) -> Self:
-        """The receiver of a search, in which bodies are black, or air, and shadows fade out over an angle.
+        """The receiver of a search, in which clear bodies are air, and shadows fade out over an angle.
 
         ``lens_mm``: radius of the ball about each lamp from which light comes.
         """
@@ -157,7 +180,7 @@ class PosedReceiver(ABC):
         if self.housing is None:
             return landings
         shadow = self._shadow(self.housing, rays, landings)
-        free = module_of(landings.flux).asarray(~shadow.met)
+        free = like(landings.landed, ~shadow.met)
         landings = Landings(
             landings.hits,
             landings.flux * shadow.weights_by(rays.points, rays.directions),
@@ -165,7 +188,10 @@ class PosedReceiver(ABC):
             landings.missed_receiver & free,
             shadow,
         )
-        return self._with_reflected(self.housing, rays, landings, shadow) if self.housing.reflects else landings
+        if not self.housing.reflects:
+            return landings
+        follow = self._with_slopes_by_walls if self.housing.rim > 0.0 else self._with_reflected
+        return follow(self.housing, rays, landings, shadow)
 
     def _with_reflected(self, housing: Housing, rays: ExitRays, landings: Landings, shadow: Shadow) -> Landings:
         """``landings`` with those of ``rays`` that bodies reflect, NumPy arrays."""
@@ -183,11 +209,49 @@ class PosedReceiver(ABC):
             legs=legs,
         )
 
+    def _with_slopes_by_walls(self, housing: Housing, rays: ExitRays, landings: Landings, shadow: Shadow) -> Landings:
+        """``landings`` of a search with those of ``rays`` that land by way of one wall; in torch differentiable.
+
+        Others that meet a body keep their places behind it, without flux.
+        """
+        points, directions, flux, fates = map(as_numpy, (rays.points, rays.directions, rays.flux, rays.fates))
+        coming = ExitRays(points, directions, flux, flux, fates, draws=rays.draws)
+        reflected = housing.reflected(coming, shadow)
+        rows = reflected.rows
+        at = housing.at_walls(shadow, reflected)
+        if isinstance(rays.points, np.ndarray):
+            going = reflected.rays
+            behind = self._land(going)
+        else:
+            lines = at.lines(rays.points[rows], rays.directions[rows])
+            flux = shadow.onward_by(rays.points, rays.directions) * rays.flux
+            going = ExitRays(*lines, flux[rows], rays.sin2_exit[rows], rays.fates[rows])
+            behind = self._land_by_arrays(going)
+        again = housing.blocks(*self._ways(going, behind))
+        missed = as_numpy(behind.missed_receiver) & ~again
+        lands = np.flatnonzero(as_numpy(behind.landed) & ~again)
+        behind = behind.take(lands)
+        onto = rows[lands]
+        nowhere = landings.missed_receiver
+        return Landings(
+            replaced(landings.hits, onto, behind.hits),
+            replaced(landings.flux, onto, behind.flux),
+            replaced(landings.landed, onto, behind.landed),
+            replaced(nowhere, rows, like(nowhere, missed)),
+            shadow._replace(again=replaced(shadow.again, rows, again)),
+            by_walls=ByWalls(onto, at.take(lands), reflected.rays.take(lands)),
+        )
+
     def _shadow(self, housing: Housing, rays: ExitRays, landings: Landings) -> Shadow:
         """Shadow of the ``housing`` on ``rays``, in NumPy; those that were lost in the lens have none."""
+        return housing.shadow(*self._ways(rays, landings))
+
+    def _ways(
+        self, rays: ExitRays, landings: Landings
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+        """Points, directions and reach (mm) of ``rays``, in NumPy; the reach of those lost in the lens is -inf."""
         points, directions, left = (as_numpy(column) for column in (rays.points, rays.directions, rays.left_lens))
-        reach_mm = np.where(left, self._reach_mm(points, directions, landings), -inf)
-        return housing.shadow(points, directions, reach_mm)
+        return points, directions, np.where(left, self._reach_mm(points, directions, landings), -inf)
 
     def _reach_mm(
         self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], landings: Landings

@@ -33,6 +33,7 @@ from lensforge.scene.light_ends import LOSSES, cause_numbers
 from lensforge.scene.made_part import ErrorField, FaceNodes, MadePart, PartMaker, waviness
 from lensforge.scene.perturbations import Draws
 from lensforge.scene.receiver import Landings, PosedReceiver
+from lensforge.scene.rough_faces import wall_numbers
 from lensforge.search.collected_light import Collected, collected, collected_on_device, mean_of_lamps
 from lensforge.search.image_terms import SourceColour
 from lensforge.search.parameters import Parametrisation
@@ -205,6 +206,7 @@ class LightPath:
 
         def light() -> tuple[Tensor, ...]:
             exit_rays = trace_reference(bodies, rays, self.scene.fresnel, device, memory, start)
+            exit_rays = replace(exit_rays, draws=wall_numbers(rays, self.scene.media))
             sums: list[Tensor] = []
             for receiver in self.seen:
                 landings = receiver.land_by_arrays(exit_rays)
@@ -247,17 +249,17 @@ class _Landing(torch.autograd.Function):
         ]
         flux = torch.from_numpy(traced.exits.flux)
         causes = torch.from_numpy(cause_numbers(traced.exits, scene.chain))
-        ctx.mark_non_differentiable(flux, causes, *(field for field in parts if field.dtype == torch.bool))
+        ctx.mark_non_differentiable(causes, *(field for field in parts if field.dtype == torch.bool))
         return torch.from_numpy(traced.exits.sin2_exit), flux, causes, *parts
 
     @staticmethod
-    def backward(ctx: Any, by_sin2: Tensor, _by_flux: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
+    def backward(ctx: Any, by_sin2: Tensor, by_exit_flux: Tensor, _by_causes: Tensor, *by_fields: Tensor) -> Any:
         exits = ctx.traced.exits
-        total_flux = np.zeros(len(by_sin2))
+        total_flux = by_exit_flux.numpy()
         total: Sensitivities | None = None
         for k, (receiver, landings) in enumerate(zip(ctx.receivers, ctx.landed, strict=True)):
             by_hits, by_flux = by_fields[4 * k : 4 * k + 2]
-            missed = landings.missed_receiver
+            missed = landings.missed_receiver & ~landings.landed
             if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
                 missed_rays = torch.from_numpy(missed)
                 by_hits = by_hits.masked_fill(missed_rays[:, None], 0.0)

@@ -327,14 +327,13 @@ class SceneCheck:
                 )
 
     def _walls(self) -> Iterator[str]:
-        """Lines if light goes on from bodies of the scene, which the search does not follow."""
-        for taken_for, surfaces, light in (
-            ("black", ("diffuse", "mirror"), "what is reflected there"),
-            ("air", ("clear",), "what they refract and lose"),
-        ):
-            names = [repr(body.name) for body in self.spec.scene if body.surface in surfaces]
-            if names:
-                yield f"scene: the search takes {', '.join(names)} for {taken_for}; evaluation and proof count {light}"
+        """A line if light crosses bodies of the scene, which the search does not follow."""
+        names = [repr(body.name) for body in self.spec.scene if body.surface == "clear"]
+        if names:
+            yield (
+                f"scene: the search takes {', '.join(names)} for air; evaluation and proof count what they refract and "
+                "lose"
+            )
 
     def _blur(self, stroke: TargetStroke) -> Iterator[str]:
         """A line where the image of the LED is wider than any stroke of the target."""

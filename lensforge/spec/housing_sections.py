@@ -37,8 +37,8 @@ class HousingSection(OfSeveralKinds, Section):
 
     Others reflect light, or let it through; what has gone on from as many bodies as `scene_events` says is lost at the
     next one. A body stands in the coordinates of the lens, or of all lamps, as receivers do; those behind it are in its
-    shadow. The search knows it, and takes it for black, but a clear one for air. No body may reach into the room of the
-    lens.
+    shadow. The search knows it, and one reflection, but takes a clear one for air. No body may reach into the room of
+    the lens.
     """
 
     encloses: ClassVar[bool] = False  # all light: no far field and no eye looks at it from outside
@@ -57,8 +57,8 @@ class HousingSection(OfSeveralKinds, Section):
     surface: Finish = Field(
         default="black",
         description='Its surface. "black": takes all light. "diffuse": reflects it into all directions by the law of '
-        'Lambert. "mirror": reflects it as a mirror. "clear": refracts it, in and out again. The search takes clear '
-        "bodies for air, and all others for black.",
+        'Lambert. "mirror": reflects it as a mirror. "clear": refracts it, in and out again. The search counts one '
+        "reflection, and takes clear bodies for air.",
     )
     reflectance: _Reflectance = Field(
         default=None,
@@ -240,7 +240,7 @@ class HousingRoom(HousingSection):
     surface: Wall = Field(
         default="black",
         description='The surface of its sides. "black": takes all light. "diffuse": reflects it into all directions by '
-        'the law of Lambert. "mirror": reflects it as a mirror. The search takes all for black.',
+        'the law of Lambert. "mirror": reflects it as a mirror. The search counts one reflection.',
     )
     floor_reflectance: _Reflectance = Field(
         default=None, description="Share of the light that its floor reflects; by default that of the walls."

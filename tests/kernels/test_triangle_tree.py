@@ -93,7 +93,10 @@ def test_the_nearest_rim_is_that_of_all_edges(rim: float) -> None:
     weights = np.ones(len(points))
     weights[::7] = 0.0
     by_points, by_directions = np.zeros((2, len(points), 3))
-    dim_beside_rims(points, directions, ends, ORIGIN, rim, tree_of(edges), weights, by_points, by_directions)
+    no_face = np.full(len(points), -1)
+    tree = tree_of(edges)
+    sides = np.zeros((len(edges), 2), dtype=np.int64)
+    dim_beside_rims(points, directions, ends, no_face, ORIGIN, rim, tree, sides, weights, by_points, by_directions)
     x = wanted / rim
     lit = np.arange(len(points)) % 7 > 0
     free = (ends == FAR) & lit  # at the end of a ray an edge may come nearer, or not at all

@@ -140,7 +140,7 @@ def test_shares_that_limits_bound_are_in_per_cent_and_what_is_missed_names_what_
 
 
 @pytest.mark.parametrize(
-    "scatter, first", [(None, "a larger lens"), ({"kind": "gaussian", "sigma_deg": 9.0}, "less scatter")]
+    ("scatter", "first"), [(None, "a larger lens"), ({"kind": "gaussian", "sigma_deg": 9.0}, "less scatter")]
 )
 def test_of_a_frosted_lens_less_scatter_is_the_first_remedy(scatter: dict[str, object] | None, first: str) -> None:
     """The inner face is polished, the outer one is not: its spread no larger lens takes back."""

@@ -212,16 +212,19 @@ def test_a_far_field_and_an_eye_see_the_lamps_without_the_room() -> None:
 
 
 def test_a_limit_on_a_ceiling_in_which_the_lens_stands_is_not_searched_for() -> None:
-    """No light of the lens comes there but by way of others; of the floor there is a picture."""
+    """No light of the lens comes there but by way of others, if these reflect any; of the floor there is a picture."""
     lux = {"kind": "body", "unit": "lx", "at_least": 0.1, "of": "mean"}
     upright = ROOM.changed(tilt_deg=(0.0, 0.0))
-    flush = upright.changed(centre_mm=tuple(upright.pose.directions(np.array([30.0, -40.0, 120.0]))))
+    white = upright.changed(centre_mm=tuple(upright.pose.directions(np.array([30.0, -40.0, 120.0]))))
+    flush = white.changed(surface="black", reflectance=None, floor_reflectance=None, ceiling_reflectance=None)
     limits = [lux | {"body": "room-ceiling"}, lux | {"body": "room-floor"}]
     spec = small_spec(scene=[flush.model_dump(exclude_unset=True)], limits=limits, source__flux_lm=100.0)
     receivers_of(spec, 16)  # it may stand there
     (picture,) = body_pictures(spec)
     assert (picture.number, picture.name) == (1, "room-floor")
     assert len(body_views(spec)) == 6
+    lit, _ = body_pictures(spec.changed(scene=(white,)))
+    assert lit.name == "room-ceiling" and np.dot(lit.eye_mm, upright.pose.axis) > 100.0, "seen from below"
 
 
 def test_sides_of_a_room_stand_where_a_lamp_sees_them() -> None:

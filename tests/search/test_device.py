@@ -54,6 +54,19 @@ BODIES: dict[str, Callable[[], Spec]] = {
     "TIR, with a flange": lambda: spot(flange=FLANGE).replace(base={"kind": "cylinder", "diameter_mm": 7.0}),
     "reflector": reflector,
     "two faces before a cover": spec_with,
+    "TIR between walls": lambda: spot().replace(
+        scene=[
+            {
+                "kind": "box",
+                "name": name,
+                "size_mm": [4.0, 90.0, 60.0],
+                "centre_mm": [x, 3.0, 60.0],
+                "reflectance": 0.8,
+                "surface": surface,
+            }
+            for name, x, surface in (("left", -21.0, "mirror"), ("right", 17.0, "diffuse"))
+        ]
+    ),
     "TIR before a cover": lambda: spot().replace(bodies=[WIDE]),
 }
 

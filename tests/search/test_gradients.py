@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from nightly import first_by_day
@@ -57,6 +58,14 @@ WALL = {
     "rotate_z_deg": 9.0,
 }
 SCENE = {"scene": [BEZEL, WALL]}
+MIRROR = {"surface": "mirror", "reflectance": 0.8}
+BY_MIRROR = {"scene": [BEZEL, WALL | MIRROR | {"size_mm": [60.0, 1.0, 90.0], "centre_mm": [3.0, 16.0, 60.0]}]}
+BY_WALLS = {
+    "scene": [*BY_MIRROR["scene"], BEZEL | {
+        "name": "ring", "surface": "diffuse", "reflectance": 0.8, "bore_radius_mm": 25.0, "length_mm": 30.0,
+        "centre_mm": [1.0, 4.0, 30.0]}],
+    "limits": [{"kind": "loss", "cause": "housing", "at_most_share": 0.1}],
+}  # fmt: skip
 BLOCK = {
     "kind": "box", "name": "block", "size_mm": [50.0, 40.0, 30.0], "centre_mm": [9.0, -6.0, 70.0],
     "tilt_deg": [25.0, -20.0], "patch_mm": 9.0,
@@ -68,6 +77,13 @@ LIT = {
         ON_BLOCK | {"facing": [0.0, 0.0, -1.0], "within_deg": 60.0, "at_least": 60.0},
         ON_BLOCK | {"of": "mean", "at_most": 10.0},
     ],
+}
+BEHIND = BLOCK | {"patch_mm": None, "name": "behind", "size_mm": [300.0, 300.0, 2.0], "centre_mm": [9.0, 6.0, 120.0]}
+BEHIND |= {"tilt_deg": [9.0, -12.0]}
+FAR_SIDE = ON_BLOCK | {"facing": [-0.4, -0.4, 1.0], "within_deg": 50.0}
+LIT_BY_WALL = {
+    "scene": [WALL | {"centre_mm": [3.0, 16.0, 25.0]}, BLOCK, BEHIND | MIRROR],
+    "limits": [FAR_SIDE | {"at_least": 60.0}, FAR_SIDE | {"of": "mean", "at_least": 10.0}, *LIT["limits"]],
 }
 LEDS = [
     {"name": "large", "share": 3.0, "source": {"kind": "square", "side_mm": 1.0, "flux_w": 2.0}},
@@ -108,7 +124,9 @@ SPECS: dict[str, dict[str, Any]] = {
     "seen by eyes, robust, coloured": SEEN | COLOURS | ROBUST | tolerance_changes(LARGE),
     "beside bodies, all receivers": SCENE | {"target": None, "receivers": list(RECEIVERS.values())},
     "beside bodies, lamps, seen by eyes": SCENE | SEEN | LAMPS,
+    "by a mirror, all receivers": BY_MIRROR | {"target": None, "receivers": list(RECEIVERS.values())},
     "on a body": LIT,
+    "on a body by a mirror": LIT_BY_WALL,
     "robust, large": ROBUST | tolerance_changes(LARGE),
     "robust, symmetric": ROBUST | tolerance_changes(LARGE) | {"lens__symmetry": "square"},
     "coloured, all receivers": COLOURS | {"target": None, "receivers": list(RECEIVERS.values())},
@@ -119,12 +137,13 @@ SPECS: dict[str, dict[str, Any]] = {
     "robust, two states": ROBUST | tolerance_changes(LARGE) | STATES,
     "coloured, robust, dispersed": COLOURS | ROBUST | tolerance_changes(LARGE) | {"lens__material": "PC"},
 }
+WITH_WALLS = SPECS | {"by walls": BY_WALLS}  # which are diffuse, and facets: no slopes of their own differences
 
 
 ON_DEVICES = [  # scenes in which rays are traced in other ways
     "free", "ray file", "dispersed", "lossless", "all receivers", "lamps in a ring",
     "lenses of two kinds, turned, all receivers", "robust, large", "seen by eyes", "coloured, robust, dispersed",
-    "beside bodies, all receivers", "on a body",
+    "beside bodies, all receivers", "by a mirror, all receivers", "by walls", "on a body", "on a body by a mirror",
 ]  # fmt: skip
 
 
@@ -145,10 +164,27 @@ def test_the_gradient_is_that_of_differences(changes: dict[str, Any]) -> None:
         assert change == pytest.approx((gradient * way).sum().item(), rel=2e-4)
 
 
+def spread_in_frame_of_wall(directions: np.ndarray, normals: np.ndarray, draws: np.ndarray) -> np.ndarray:
+    """Lambert's law in a frame that turns with no ray."""
+    along = np.cross(normals, [0.3, -0.5, 0.8])
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    azimuth = 2.0 * np.pi * draws[:, 1:]
+    across = np.cos(azimuth) * along + np.sin(azimuth) * np.cross(normals, along)
+    return np.asarray(np.sqrt(draws[:, :1]) * across + np.sqrt(1.0 - draws[:, :1]) * normals)
+
+
+def test_the_gradient_by_a_diffuse_wall_is_that_of_differences(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a frame of the wall alone: that of a ray turns with it, which changes no mean."""
+    monkeypatch.setattr("lensforge.scene.housing.diffused", spread_in_frame_of_wall)
+    wall = BY_MIRROR["scene"][1] | {"surface": "diffuse"}
+    scene = {"scene": [BEZEL, wall], "target": None, "receivers": list(RECEIVERS.values())}
+    test_the_gradient_is_that_of_differences(scene)
+
+
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("name", ON_DEVICES)
 def test_loss_and_gradient_on_a_device_are_those_of_the_kernels(name: str, device: str) -> None:
-    step = Step(SPECS[name])
+    step = Step(WITH_WALLS[name])
     assert close(step.values(device=torch.device(device)), step.values())
 
 
