@@ -20,6 +20,7 @@ from lensforge.kernels.compiled import are_compiled
 from lensforge.report.results import REPORT_FILE, STAGES
 from lensforge.search.design_result import COSTS
 from lensforge.search.design_result import Progress as Step
+from lensforge.search.searches_in_turn import number_of_searches
 from lensforge.spec import Spec
 
 _FRAMES_PER_SECOND = 4
@@ -190,8 +191,7 @@ class DesignProgress:
     def __init__(self, clock: StageClock, spec: Spec) -> None:
         self._clock = clock
         automatic = spec.lens.levels == "auto"
-        searches = 2 if spec.all_lamps.kinds else 1  # for one lens, and from it for those of all kinds
-        levels = "" if automatic else f"/{searches * len(spec.lens.shape_levels)}"
+        levels = "" if automatic else f"/{number_of_searches(spec) * len(spec.lens.shape_levels)}"
         self._of_levels = levels
         self._of_steps = not automatic
         self._last: Step | None = None

@@ -87,23 +87,27 @@ class RefractingFace:
         """Amplitudes of s and p that rays are reflected with which meet it at ``cosines``; p of opposite sign.
 
         All light is reflected where it does not pass, but by a mirror. A table of unpolarised reflectance holds for s
-        and p alike.
+        and p alike; the phases of total reflection are those of the bare face.
         """
         if isinstance(self.coating, Mirror):
             root = np.full(len(cosines), np.sqrt(self.coating.reflectance), dtype=complex)
             return root, -root
         cosines = np.minimum(cosines, 1.0)
         along = self.before * np.sqrt(1.0 - cosines**2)  # n sin of the angle
+        r_s = self._of_layers(self._stack, along, "s")
+        r_p = -self._of_layers(self._stack, along, "p")
+        phases = [amplitude / np.where(amplitude == 0.0, 1.0, np.abs(amplitude)) for amplitude in (r_s, r_p)]
         if isinstance(self.coating, ReflectanceTable):
             sines = np.minimum(along / np.minimum(self.before, self.behind), 1.0)
             of_table = _of_table(self.coating, np.sqrt(1.0 - sines**2), self.wavelengths_nm)
             r_s = np.sqrt(np.maximum(of_table, 0.0)).astype(complex)
             r_p = -r_s
-        else:
-            r_s = self._of_layers(self.coating, along, "s")
-            r_p = -self._of_layers(self.coating, along, "p")
-        phases = [amplitude / np.where(amplitude == 0.0, 1.0, np.abs(amplitude)) for amplitude in (r_s, r_p)]
         return np.where(passes, r_s, phases[0]), np.where(passes, r_p, phases[1])
+
+    @property
+    def _stack(self) -> LayerStack | None:
+        """The layers that give total reflection its phases; None of a table, which says nothing of phases: as bare."""
+        return self.coating if isinstance(self.coating, LayerStack) else None
 
     def _of_layers(self, stack: LayerStack | None, along: PerRay, polarisation: str) -> Amplitudes:
         films = () if stack is None else stack.layers

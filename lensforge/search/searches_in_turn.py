@@ -27,6 +27,11 @@ class Turn(NamedTuple):
     wanted: Spec | None = None
 
 
+def number_of_searches(spec: Spec) -> int:
+    """Number of searches for the lens of ``spec`` from the first faces on."""
+    return len(tuple(_turns(spec, None)))
+
+
 def search_in_turn(
     spec: Spec,
     source: "Source",

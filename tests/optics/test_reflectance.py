@@ -173,3 +173,18 @@ def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
     assert transmittance_of(tir) == pytest.approx(0.96 * 0.99, rel=1e-12)
     closed = tuple(FaceCoating(name, "outside", Mirror(0.9)) for name in ("wall", "exit"))
     assert transmittance_of(Media(Medium(1.5), coatings=closed, faces=TirSection.roles)) == 0.0
+
+
+def test_of_a_coating_known_by_its_reflectance_total_reflection_has_the_phases_of_the_bare_face() -> None:
+    """Fresnel's, by which s and p part: a table tells none. Short of the critical angle it has its own reflectance."""
+    index = 1.5
+    angles = np.radians([30.0, 41.0, 43.0, 60.0, 80.0])
+    table = ReflectanceTable((0.0, 89.0), ((0.9, 0.9),))
+    face = RefractingFace(np.full(5, index), np.ones(5), table, np.full(5, 550.0), False)
+    total = index * np.sin(angles) > 1.0
+    assert total.tolist() == [False, False, True, True, True]
+    s, p = face.reflected(np.cos(angles), ~total)
+    assert np.abs(s[~total]) ** 2 == pytest.approx(0.9) and np.abs(p[~total]) ** 2 == pytest.approx(0.9)
+    sine = np.sin(angles[total])
+    apart = 2.0 * np.arctan(np.cos(angles[total]) * np.sqrt(sine**2 - index**-2.0) / sine**2)  # Born and Wolf, 1.5 (61)
+    assert np.abs(np.angle(p[total] / s[total])) == pytest.approx(apart, abs=1e-12)

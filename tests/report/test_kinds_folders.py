@@ -69,10 +69,17 @@ def test_the_screen_names_the_kind_that_cannot_be_cut_and_its_folder(tmp_path: P
     assert not {"Not met", "Remedy"} & set(dict(_manufacture(SimpleNamespace(**vars(run), verdict=PASSES))))
 
 
-@pytest.mark.parametrize(("kinds_of", "shown"), [("place", "level 4/4"), ("one", "level 4/2")])
-def test_the_levels_of_both_searches_are_counted(kinds_of: str, shown: str) -> None:
+@pytest.mark.parametrize(
+    ("kinds_of", "sigma_deg", "shown"),
+    [("place", None, "level 4/4"), ("one", None, "level 4/2"), ("one", 2.0, "level 4/4"), ("place", 2.0, "level 4/6")],
+)
+def test_the_levels_of_all_searches_are_counted(kinds_of: str, sigma_deg: float | None, shown: str) -> None:
+    """For one lens and for all kinds; of a frosted lens first for the polished one."""
     heard = list[str]()
-    spec = small_spec(lamps={**GRID, "kinds": kinds_of}, base={"kind": "none"}, target__receiver_mm=200.0)
+    frosted = {"offset_mm": 6.0, "scatter": sigma_deg and {"kind": "gaussian", "sigma_deg": sigma_deg}}
+    spec = small_spec(
+        lamps={**GRID, "kinds": kinds_of}, base={"kind": "none"}, target__receiver_mm=200.0, lens__outer=frosted
+    )
     clock = SimpleNamespace(live=True, show=heard.append, note=heard.append, expect=lambda *_, **__: None)
     step = SimpleNamespace(level=3, nmse=0.1, steps_done=1, steps_total=9, seconds=1.0, within="")
     DesignProgress(clock, spec).on_step(step)
