@@ -198,6 +198,7 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
     )
     before = np.arange(low.met.shape[1]) < event[:, None]
     same &= ((low.met == changes.met_low) & (high.met == changes.met_low) | ~before).all(axis=1)
+    same &= ~(before & _scatters(low.scene)[low.met >> 2]).any(axis=1)
     chosen = np.flatnonzero(same)
     places = [lines.hits for lines in (_Lines.of(low, event, chosen), _Lines.of(high, event, chosen))]
     path = low.lengths[chosen, event[chosen]]
@@ -205,6 +206,13 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
     path[grazed] = np.where(before, low.lengths, 0.0).sum(axis=1)[chosen[grazed]]  # of a flange the last part is short
     same[chosen] = np.linalg.norm(places[1] - places[0], axis=1) < _TOGETHER * path
     return same
+
+
+def _scatters(scene: Scene) -> Bool[np.ndarray, " f"]:
+    """True for faces behind which rays go on by facets of their own, and are not followed."""
+    assert scene.chain is not None
+    models = scene.media.scattering_of(scene.chain.names)
+    return np.array([model is not None for model in models or [None] * len(scene.chain.names)])
 
 
 def _reflects_nothing(scene: Scene) -> Bool[np.ndarray, " f"]:

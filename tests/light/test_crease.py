@@ -1,5 +1,6 @@
 """Light across a crease of the cavity: closed forms, differences of the light itself, and what each source sends."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +16,9 @@ from lensforge.light.later_creases import _behind, _Lines, later_crease_gradient
 from lensforge.light.table_trace import Scene, TracedBundle
 from lensforge.optics.face_roles import BODY, CAVITY, OUTSIDE
 from lensforge.optics.material import MATERIALS
-from lensforge.optics.media import Media, Medium
+from lensforge.optics.media import FaceScatter, Media, Medium
 from lensforge.optics.pose import Pose
+from lensforge.optics.scattering import GaussianFacets
 from lensforge.scene.body import Body, Face
 from lensforge.scene.made_part import AsMade
 from lensforge.scene.pixel_grid import PixelGrid
@@ -280,3 +282,15 @@ def test_the_crease_of_a_part_with_its_led_out_of_place_is_that_of_a_led_that_st
     names = tuple(face.name for face in pocket().faces)
     gradients = crease_gradients(tables, replace(here, made=AsMade(names, source=made)), emitter, mixed, 2**10, 3)
     assert np.abs(gradients - wanted).max() < 1e-9 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize(("rough", "counted"), [((), True), (("exit",), True), (("cap", "side"), False)])
+def test_light_behind_a_frosted_face_is_not_followed_to_a_crease(rough: tuple[str, ...], counted: bool) -> None:
+    """It goes on by a facet of its own; by the smooth face its line led to points far beside all faces."""
+    here = scene(trumpet(**TRUMPET), 4)
+    scatter = tuple(FaceScatter(name, GaussianFacets(0.1)) for name in rough)
+    here = replace(here, media=replace(here.media, scatter=scatter))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gradients = later_crease_gradients(tables_of(trumpet(**TRUMPET), GRID), here, LED, forward, 2**7, 64, 1)
+    assert gradients.any() == counted
