@@ -288,7 +288,7 @@ def test_the_crease_of_a_part_with_its_led_out_of_place_is_that_of_a_led_that_st
 def test_light_behind_a_frosted_face_is_not_followed_to_a_crease(rough: tuple[str, ...], counted: bool) -> None:
     """It goes on by a facet of its own; by the smooth face its line led to points far beside all faces."""
     here = scene(trumpet(**TRUMPET), 4)
-    scatter = tuple(FaceScatter(name, GaussianFacets(0.1)) for name in rough)
+    scatter = tuple(FaceScatter(name, GaussianFacets(1e-6)) for name in rough)
     here = replace(here, media=replace(here.media, scatter=scatter))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
