@@ -141,9 +141,9 @@ class SectionCrease(Crease):
 
     @cached_property
     def extent(self) -> tuple[float, float]:
-        """Least and largest coordinate on the chart, of which the latter is that of a square about all of it."""
+        """Half widths on the chart, about its centre: of the largest square without a crease, and of one with all."""
         at = np.abs(np.tan([0.5 * self.low_rad, 0.5 * self.high_rad]))
-        # a face may be narrower than the band, and reaches its edges all the same
+        # a face that is narrower than the band still reaches the edges of the band
         return min(self.edge.half_width, float(at.min())), max(self.edge.half_width, float(at.max()))
 
 

@@ -211,8 +211,8 @@ def _at_creases(changes: _Changes, low: TracedBundle, high: TracedBundle) -> Boo
 def _scatters(scene: Scene) -> Bool[np.ndarray, " f"]:
     """True for faces behind which rays go on by facets of their own, and are not followed."""
     assert scene.chain is not None
-    models = scene.media.scattering_of(scene.chain.names)
-    return np.array([model is not None for model in models or [None] * len(scene.chain.names)])
+    rough = {scatter.face for scatter in scene.media.scatter}
+    return np.array([name in rough for name in scene.chain.names])
 
 
 def _reflects_nothing(scene: Scene) -> Bool[np.ndarray, " f"]:

@@ -75,7 +75,7 @@ class PatchedBody:
         return np.bincount(self.patches, _M2 * areas, len(self.designed))
 
     def _on_patches(self, passage: Passage) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"], float]:
-        """Flux (W) and sum of squared ray fluxes (W²) on each patch; and that of what each ray brings in all."""
+        """Flux (W) on each patch, sum of squared landings (W²) there, and sum of squared fluxes per ray (W²)."""
         bodies = Obstacles.of([self.pieces, *self.others], self.events)
         assert bodies is not None
         left = passage.fates == CastFate.LANDED

@@ -3,8 +3,8 @@
 A ray counts where it meets the body first, from outside: what the body itself or others shade is dark. If it goes on
 from there and comes to the body again, by way of others, it counts again. An evaluation counts it by patches. A search,
 whose gradient moves hits, sees the surface from the lens instead, on the equal-area chart of directions: neighbours
-there are neighbours on the body, but at its rims. A side that the lens does not see,
-and that has light by way of walls alone, is seen from before it.
+there are neighbours on the body, but at its rims. A side that the lens does not see, and that has light by way of walls
+alone, is seen from before it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -157,11 +157,11 @@ class BodyView(LitBody):
         return landings if self.among is None else replace(landings, again=self._landed_again(self.among, rays))
 
     def _landed_again(self, among: Housing, rays: ExitRays) -> LandedAgain:
-        own = among.names.index(self.name)
+        body = among.names.index(self.name)
         once = np.zeros(len(rays.flux), dtype=bool)
         parts = []
         for leg in legs_of(among, rays, among.endless_shadow(rays), among.endless_shadow):
-            here = np.flatnonzero(leg.shadow.bodies == own)
+            here = np.flatnonzero(leg.shadow.bodies == body)
             more = here[once[leg.rows[here]]]
             once[leg.rows[here]] = True
             ways = (

@@ -391,7 +391,7 @@ class Housing:
 
     @cached_property
     def faces(self) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, "e 2"]]:
-        """Smooth face of each triangle, in the order of their numbers, and both at each edge, in that of the tree."""
+        """Number of the smooth face of each triangle, by its number, and of the two faces beside each edge."""
         faces = np.full(len(self.bodies), -1)
         faces[self._every.numbers], sides = smooth_faces(self._every.corners, self.edges.corners)
         return faces, sides

@@ -72,7 +72,7 @@ class Landings:
         return self.flux > 0.0
 
     def take(self, rows: Int[Array, " k"] | slice) -> "Landings":
-        """Landings of some of the rays, none of which goes on from a body."""
+        """Landings of some of the rays, without their ``legs`` and ``by_walls``."""
         hits, flux, landed, missed = (
             column[rows] for column in (self.hits, self.flux, self.landed, self.missed_receiver)
         )
