@@ -135,6 +135,10 @@ def main() -> None:
     by_patches(2**16, options.repeat)
     ratio, triangles = beside_a_body(2**16, options.repeat)
     print(f"{'body':10s} {ratio:8.2f}  times the cost beside a body of {triangles} triangles")
+    for surface in ("diffuse", "mirror"):
+        print(
+            f"{'tube':10s} {in_a_tube(surface, 2**16, options.repeat):8.2f}  times the cost in a black tube: {surface}"
+        )
     print(f"{'chain':10s} {chain_to_double(2**16, options.repeat):8.2f}  times the cost of the flat top at equal rays")
     for name, face, levels in FROSTED:
         ratio = frosted_to_polished(name, face, levels, options.repeat)
@@ -166,6 +170,18 @@ def beside_a_body(rays: int, repeat: int) -> tuple[float, int]:
         steps = [Step(rays, spec=spec.replace(scene=scene)) for scene in ([body], [])]
         times = [[step.processor_seconds() for step in steps] for _ in range(repeat + 1)][1:]
         return statistics.median(one / other for one, other in times), len(ring.faces)
+
+
+def in_a_tube(surface: str, rays: int, repeat: int) -> float:
+    """Cost of a step of ``bezel`` in a tube around all of its beam that reflects, over that in a black one."""
+    spec = load_spec(BEZEL).replace({"lens.symmetry": "none"})
+    tube = {"kind": "cylinder", "name": "tube", "bore_radius_mm": 26.0, "radius_mm": 28.0, "length_mm": 100.0}
+    tubes = [
+        {**tube, "centre_mm": [0.0, 0.0, 70.0], **finish} for finish in ({"surface": surface, "reflectance": 0.8}, {})
+    ]
+    steps = [Step(rays, spec=spec.replace(scene=[body])) for body in tubes]
+    times = [[step.processor_seconds() for step in steps] for _ in range(repeat + 1)][1:]
+    return statistics.median(reflecting / black for reflecting, black in times)
 
 
 def chain_to_double(rays: int, repeat: int) -> float:
